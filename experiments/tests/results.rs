@@ -39,7 +39,7 @@ fn stated(page: &str) -> Vec<(String, String, String)> {
             command = line.trim().to_owned();
         }
         let cells: Vec<&str> = line.split('|').map(str::trim).collect();
-        let ["", key, value, ..] = cells[..] else { continue };
+        let ["", key, value, ""] = cells[..] else { continue };
         if let Some(key) = key.strip_prefix('`').and_then(|key| key.strip_suffix('`')) {
             found.push((command.clone(), key.to_owned(), value.to_owned()));
         }

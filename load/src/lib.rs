@@ -1,10 +1,9 @@
-//! Load as a fleet makes it: an open loop, in which requests come when they are due, whatever
-//! became of those before.
+//! Load of a fleet: an open loop, in which requests are sent when due, regardless of earlier ones.
 //!
-//! Latency is counted from the moment a request was due, so a server that stalls, or a sender
-//! that falls behind, shows in it (no coordinated omission). Whatever is due and cannot be sent
-//! is counted. Every choice comes from a seed.
-//! Not here: what is typed and printed (`palpate load`).
+//! Latency counts from the moment at which a request was due, so it includes stalls of the
+//! server and delays of the sender (no coordinated omission). Requests that are due and
+//! cannot be sent are counted. A seed determines every choice. Not here: command line and
+//! output (`palpate load`).
 
 mod memory;
 mod operation;
@@ -39,23 +38,23 @@ use memory::watch;
 use sessions::Sessions;
 use step::{Plan, World};
 
-/// Hears how far a preparation is: what it does, steps done, steps in all.
+/// Progress function of a preparation: receives the stage, finished steps and all steps.
 pub type Progress<'a> = &'a (dyn Fn(&str, usize, usize) + Sync);
 
 /// Requests to send, and their rate.
 #[derive(Clone, Debug)]
 pub struct LoadConfig {
-    /// The seed of everything random.
+    /// Seed of all randomness.
     pub seed: u64,
-    /// The catalogue that sessions recognise with.
+    /// The sessions' catalogue.
     pub catalogue: String,
-    /// How they recognise; the server's choice when not given.
+    /// Recognition method of the sessions; the server's choice if not given.
     pub method: Option<Method>,
-    /// How much of the belief is answered to a reading.
+    /// Detail of the belief in answers to readings.
     pub belief: BeliefDetail,
-    /// Requests a second, one step after the other.
+    /// Requests per second, one step after the other.
     pub rates: Vec<f64>,
-    /// How requests follow each other.
+    /// Distribution of the times of requests.
     pub arrivals: Arrivals,
     /// Measured part of each step.
     pub duration: Duration,
@@ -63,15 +62,15 @@ pub struct LoadConfig {
     pub warmup: Duration,
     /// Long step at overload after the others.
     pub soak: Option<Soak>,
-    /// How many robots there are, each with one session at a time.
+    /// Number of robots, each with one session at a time.
     pub sessions: usize,
-    /// Readings after which a robot closes its session and begins another one.
+    /// Readings after which a robot closes its session and starts another one.
     pub readings_per_session: u32,
     /// Mix of requests.
     pub mix: Mix,
-    /// How many requests may be under way; what is due beyond is counted as not sent.
+    /// Maximum number of concurrent requests; further ones that are due count as not sent.
     pub in_flight_max: usize,
-    /// Whether a robot that was told when to come back waits until then.
+    /// Whether a robot waits as long as `Retry-After` says.
     pub polite: bool,
 }
 
@@ -80,16 +79,16 @@ pub struct LoadConfig {
 pub struct Soak {
     /// Its duration.
     pub duration: Duration,
-    /// At which multiple of the largest rate of accepted requests that a step has shown.
+    /// Rate of the soak, as a multiple of the largest accepted rate of a step.
     pub factor: f64,
 }
 
-/// Runs all steps against a server. `client` must not repeat requests by itself; `show` hears
-/// of each step's end.
+/// Runs all steps against a server. `client` must not repeat requests by itself; `show` is
+/// called at the end of each step.
 ///
 /// # Errors
-/// When the histograms cannot be made, or the sender panicked. What the server refuses or
-/// breaks is counted, not an error.
+/// When the histograms cannot be created, or the sender panicked. Refusals and failures of the server
+/// are counted, not errors.
 pub async fn run(
     config: &LoadConfig,
     client: &Client,
@@ -140,7 +139,7 @@ fn plan(config: &LoadConfig, number: u64, rate: f64, duration: Duration) -> Plan
     }
 }
 
-/// The most requests a second that were accepted, or else the lowest rate that was tried.
+/// The largest accepted rate of a step, or else the lowest rate that was tried.
 fn most_accepted(steps: &[StepReport]) -> f64 {
     let accepted = steps.iter().map(|step| step.accepted_per_s).fold(0.0, f64::max);
     if accepted > 0.0 { accepted } else { steps.first().map_or(1.0, |step| step.rate) }

@@ -8,12 +8,12 @@ use serde::Serialize;
 
 /// Interval between samples.
 const EVERY: Duration = Duration::from_secs(1);
-/// The figure in `/metrics`, in bytes.
+/// The metric in `/metrics`, in bytes.
 const METRIC: &str = "process_resident_memory_bytes";
-/// The part of the samples at either end that its size there is the median of.
+/// Inverse of the share of the samples at either end over which the median is taken.
 const END_SHARE: usize = 10;
 
-/// Where the server's resident memory is read.
+/// Source of the server's resident memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum MemorySource {
     /// From its metrics.
@@ -25,34 +25,34 @@ pub enum MemorySource {
     },
 }
 
-/// The memory at one moment.
+/// Memory at one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// Seconds since sampling began.
+    /// Seconds since the start of sampling.
     pub at_s: f64,
     /// Resident bytes.
     pub bytes: f64,
 }
 
-/// How memory went over a step.
+/// Development of memory over a step.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Growth {
     /// Number of samples.
     pub samples: usize,
-    /// At the begin: the median of the first tenth of the samples.
+    /// Median of the first tenth of the samples.
     pub begin_bytes: f64,
-    /// At the end: the median of the last tenth.
+    /// Median of the last tenth of the samples.
     pub end_bytes: f64,
-    /// The most.
+    /// Maximum.
     pub max_bytes: f64,
-    /// The end less the begin.
+    /// Difference of the end and the start.
     pub growth_bytes: f64,
-    /// The slope of the line of least squares through all samples, bytes a second.
+    /// Slope of the least-squares line through all samples, bytes per second.
     pub slope_bytes_per_s: f64,
 }
 
 impl Growth {
-    /// Growth over samples in the order of time; `None` for fewer than two.
+    /// Growth over samples in order of time; `None` for fewer than two.
     #[must_use]
     pub fn of(samples: &[Sample]) -> Option<Self> {
         if samples.len() < 2 {
@@ -83,7 +83,7 @@ fn median(samples: &[Sample]) -> f64 {
     f64::midpoint(bytes[(bytes.len() - 1) / 2], bytes[bytes.len() / 2])
 }
 
-/// Does some work and reads the memory meanwhile; a reading that fails is left out.
+/// Does some work and samples the memory meanwhile; failed samples are left out.
 pub(super) async fn watch<T>(
     client: &Client,
     source: &MemorySource,
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn a_short_peak_is_no_growth() {
+    fn a_short_peak_is_not_growth() {
         let mut samples = vec![Sample { at_s: 0.0, bytes: 2e6 }; 50];
         samples[25].bytes = 9e6;
         let growth = Growth::of(&samples).unwrap();
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn memory_is_found_where_it_is_written() {
+    fn memory_is_parsed_from_metrics_and_proc() {
         let metrics = "# TYPE process_resident_memory_bytes gauge\n\
             process_resident_memory_bytes 1.25e8\npalpate_store_bytes 3\n";
         assert_eq!(of_metrics(metrics), Some(1.25e8));

@@ -11,24 +11,24 @@ use thiserror::Error;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Operation {
-    /// Begins a session.
+    /// Starts a session.
     Create,
     /// Sends a reading.
     Reading,
-    /// Asks for the belief.
+    /// Requests the belief.
     Belief,
-    /// Asks where to touch next.
+    /// Requests the next touches.
     NextTouches,
     /// Closes a session.
     Close,
 }
 
 impl Operation {
-    /// All of them.
+    /// All operations.
     pub const ALL: [Self; 5] =
         [Self::Create, Self::Reading, Self::Belief, Self::NextTouches, Self::Close];
 
-    /// Its name in reports.
+    /// The name in reports.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -41,31 +41,31 @@ impl Operation {
     }
 }
 
-/// How often robots in the middle of a session ask for what, in any unit. Sessions begin and
-/// end besides, as their readings demand.
+/// Relative rates of requests within sessions, in any unit. Sessions also start and end as
+/// their readings require.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Mix {
     /// Readings.
     pub readings: f64,
     /// Beliefs.
     pub beliefs: f64,
-    /// Where to touch next.
+    /// Next touches.
     pub next_touches: f64,
 }
 
-/// Why a mix is none.
+/// Error of an invalid mix.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum MixError {
-    /// A part is not written as one.
+    /// A part has an invalid form.
     #[error(
         "{found:?} is no part of a mix, expected readings=N, beliefs=N or next-touches=N with \
          N of at least 0"
     )]
     Part {
-        /// The text given.
+        /// The given text.
         found: String,
     },
-    /// Nothing would be sent into sessions, which then never end.
+    /// There are no readings, so sessions would never end.
     #[error("the mix has no readings, expected readings=N with N above 0")]
     NoReadings,
 }
@@ -77,7 +77,7 @@ impl Default for Mix {
 }
 
 impl Mix {
-    /// Draws what is asked for next.
+    /// Draws the next operation.
     pub(super) fn draw(&self, stream: &mut Stream) -> Operation {
         let sum = self.readings + self.beliefs + self.next_touches;
         let at = stream.uniform(0.0, sum);
@@ -92,7 +92,7 @@ impl Mix {
 impl FromStr for Mix {
     type Err = MixError;
 
-    /// Reads `readings=90,beliefs=9,next-touches=1`; what is not named is not asked for.
+    /// Parses `readings=90,beliefs=9,next-touches=1`; missing parts are 0.
     fn from_str(text: &str) -> Result<Self, MixError> {
         let mut mix = Self { readings: 0.0, beliefs: 0.0, next_touches: 0.0 };
         for part in text.split(',') {
@@ -127,7 +127,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_mix_is_read_as_it_is_written() {
+    fn a_mix_parses_from_its_text() {
         assert_eq!(Mix::default().to_string().parse(), Ok(Mix::default()));
         let mix: Mix = "next-touches=0.5, readings=2".parse().unwrap();
         assert_eq!(mix, Mix { readings: 2.0, beliefs: 0.0, next_touches: 0.5 });
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_drawn_has_the_shares_of_the_mix() {
+    fn drawn_operations_have_the_shares_of_the_mix() {
         let mix: Mix = "readings=6,beliefs=3,next-touches=1".parse().unwrap();
         let mut stream = Stream::new(101, Purpose::Arrivals, 0);
         let mut n = [0u32; 3];

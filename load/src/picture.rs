@@ -1,12 +1,12 @@
-//! A run as a picture: throughput and latency against what was offered.
+//! Picture of a run: throughput and latency against the offered rate.
 
 use palpate_sim::plot::{Line, Panel, svg};
 
 use super::report::LoadReport;
 use super::step::StepReport;
 
-/// Throughput and latency of the steps against the rate, as SVG. The soak is another
-/// measurement, longer and on a server that is full, and is not among the points.
+/// Throughput and latency of the steps against the rate, as SVG. The soak, a longer
+/// measurement on a full server, is not among the points.
 #[must_use]
 pub fn picture(report: &LoadReport) -> String {
     let mut steps: Vec<&StepReport> = report.steps.iter().collect();

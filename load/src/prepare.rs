@@ -1,4 +1,4 @@
-//! Makes a server ready for load: the built-in objects, added as meshes and trained.
+//! Preparation of a server for load: the built-in objects, added as meshes and trained.
 
 use anyhow::{Context as _, bail};
 use palpate_client::Client;
@@ -8,11 +8,11 @@ use palpate_sim::shapes;
 use super::touches::SENSOR;
 use crate::Progress;
 
-/// Adds the built-in objects as `load-…` and trains `catalogue` of them, unless its current
-/// version knows them all.
+/// Adds the built-in objects as `load-…` and trains `catalogue` on them, unless its current
+/// version has them all.
 ///
 /// # Errors
-/// When the server refuses something, or the training fails.
+/// When the server refuses a request, or the training fails.
 pub async fn prepare(
     client: &Client,
     catalogue: &str,

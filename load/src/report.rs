@@ -1,5 +1,4 @@
-//! What a run says: its steps, the peak, what is left of it beyond saturation, and which stated
-//! bounds it breaks.
+//! Report of a run: its steps, the peak, the throughput beyond saturation, and broken bounds.
 
 use serde::Serialize;
 
@@ -7,7 +6,7 @@ use super::LoadConfig;
 use super::memory::Growth;
 use super::step::StepReport;
 
-/// Bounds that a run must keep; those that are not given bind nobody.
+/// Bounds of a run; missing ones always hold.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Bounds {
     /// Bound on the 99th percentile of accepted requests in every step, milliseconds.
@@ -21,15 +20,15 @@ pub struct Bounds {
 /// A whole run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LoadReport {
-    /// The seed of everything random.
+    /// Seed of all randomness.
     pub seed: u64,
     /// The configuration.
     pub mix: String,
-    /// How many robots there were.
+    /// Number of robots.
     pub sessions: usize,
-    /// After how many readings they begin another session.
+    /// Readings after which they start another session.
     pub readings_per_session: u32,
-    /// Whether they waited when they were told to.
+    /// Whether they waited as long as `Retry-After` said.
     pub polite: bool,
     /// The steps.
     pub steps: Vec<StepReport>,
@@ -42,28 +41,27 @@ pub struct LoadReport {
 /// Verdict over all steps.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Verdict {
-    /// The most readings a second that a step had accepted.
+    /// Largest number of accepted readings per second of a step.
     pub peak_readings_per_s: f64,
-    /// The most requests a second that a step had accepted.
+    /// Largest number of accepted requests per second of a step.
     pub peak_accepted_per_s: f64,
     /// The rate at which the readings peaked.
     pub peak_rate: f64,
-    /// The fewest readings a second at a higher rate than that, as a share of the peak; null
-    /// when no higher rate was tried.
+    /// Smallest number of readings per second at a higher rate than that, as a share of the
+    /// peak; null when no higher rate was tried.
     pub share_beyond: Option<f64>,
-    /// Whether any step went beyond what the server can do: a twentieth or more of what was due
-    /// was not accepted.
+    /// Whether a step went beyond the server's capacity: a twentieth or more of the due
+    /// requests were not accepted.
     pub is_saturated: bool,
-    /// The largest 99th percentile of a step's accepted requests, milliseconds; null when
-    /// nothing was accepted.
+    /// Largest 99th percentile of a step's accepted requests, milliseconds; null without any.
     pub p99_ms: Option<f64>,
-    /// How memory went over the soak, or over the last step without one.
+    /// Development of memory over the soak, or over the last step without one.
     pub memory: Option<Growth>,
-    /// Answers that no overload explains: other statuses and no answers.
+    /// Answers not explained by overload: other statuses and missing answers.
     pub unexpected: u64,
 }
 
-/// With a smaller share of what was due, a step was beyond saturation.
+/// Share of accepted requests below which a step was beyond saturation.
 const ACCEPTED_SHARE: f64 = 0.95;
 
 impl LoadReport {
@@ -85,8 +83,7 @@ impl LoadReport {
         }
     }
 
-    /// What of the bounds is broken, in words. A bound that nothing can be said about is
-    /// broken too.
+    /// Broken bounds, in words. A bound without data is broken too.
     #[must_use]
     pub fn broken(&self, bounds: &Bounds) -> Vec<String> {
         let verdict = &self.verdict;
@@ -202,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn the_share_beyond_saturation_is_the_worst_above_the_peaks_rate() {
+    fn share_beyond_saturation_is_the_worst_above_the_peak() {
         let steps = vec![
             step(100.0, 100.0, 5.0),
             step(200.0, 190.0, 20.0),
@@ -218,13 +215,13 @@ mod tests {
     }
 
     #[test]
-    fn without_a_higher_rate_nothing_is_said_of_it() {
+    fn without_a_higher_rate_there_is_no_share() {
         let verdict = report(vec![step(50.0, 50.0, 5.0), step(100.0, 99.0, 5.0)], None).verdict;
         assert_eq!((verdict.share_beyond, verdict.is_saturated), (None, false));
     }
 
     #[test]
-    fn broken_bounds_are_named_with_what_was_found_and_wanted() {
+    fn broken_bounds_are_named_with_found_and_expected() {
         let mut soak = step(300.0, 95.0, 50.0);
         let growth = Growth {
             samples: 9,
@@ -248,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bound_that_nothing_can_be_said_about_is_broken() {
+    fn a_bound_without_data_is_broken() {
         let bounds =
             Bounds { p99_max_ms: None, share_min: Some(0.1), growth_max_bytes: Some(1e12) };
         assert_eq!(report(vec![step(1.0, 1.0, 1.0)], None).broken(&bounds).len(), 2);

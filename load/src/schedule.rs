@@ -1,22 +1,22 @@
-//! When requests are due: at even distances, or as independent robots send (Poisson).
+//! Times of requests: at constant intervals, or as from independent robots (Poisson).
 
 use std::time::Duration;
 
 use palpate_core::rng::{Purpose, Stream};
 use serde::Serialize;
 
-/// How requests follow each other.
+/// Distribution of the times of requests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Arrivals {
-    /// At even distances.
+    /// Constant intervals.
     #[default]
     Constant,
-    /// At independent, exponentially distributed distances: bursts and pauses.
+    /// Independent, exponentially distributed intervals: bursts and pauses.
     Poisson,
 }
 
-/// The moments at which requests are due, counted from a step's begin.
+/// The times at which requests are due, counted from the start of a step.
 #[derive(Debug)]
 pub(super) struct Schedule {
     rate: f64,
@@ -27,16 +27,16 @@ pub(super) struct Schedule {
 }
 
 impl Schedule {
-    /// `rate` requests a second, above 0.
+    /// `rate` requests per second, above 0.
     pub(super) fn new(rate: f64, arrivals: Arrivals, seed: u64, step: u64) -> Self {
         let stream = Stream::new(seed, Purpose::Arrivals, 2 * step);
         Self { rate, arrivals, stream, n: 0, at: 0.0 }
     }
 
-    /// When the next request is due.
+    /// Time of the next request.
     pub(super) fn next(&mut self) -> Duration {
         let at = match self.arrivals {
-            // Not by adding up: an hour of small steps would end elsewhere.
+            // Not a running sum: an hour of small steps would end elsewhere.
             Arrivals::Constant => self.n as f64 / self.rate,
             Arrivals::Poisson => {
                 // 1 - u lies in (0, 1], so its logarithm is finite.
@@ -54,14 +54,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn even_distances_stay_even_after_an_hour() {
+    fn constant_intervals_stay_exact_after_an_hour() {
         let mut schedule = Schedule::new(300.0, Arrivals::Constant, 1, 0);
         let last = (0..=300 * 3600).map(|_| schedule.next()).last().unwrap();
         assert_eq!(last, Duration::from_secs(3600));
     }
 
     #[test]
-    fn poisson_arrivals_have_the_rate_and_the_spread_of_their_kind() {
+    fn poisson_arrivals_have_their_rate_and_spread() {
         let mut schedule = Schedule::new(50.0, Arrivals::Poisson, 101, 0);
         let at: Vec<f64> = (0..20_000).map(|_| schedule.next().as_secs_f64()).collect();
         let gaps: Vec<f64> = at.windows(2).map(|pair| pair[1] - pair[0]).collect();

@@ -1,9 +1,8 @@
-//! The robots: each has one session at a time, touches one object in it, closes it, and begins
-//! the next one with another object.
+//! The robots: each has one session at a time with one object, closes it, and starts the next one.
 //!
-//! A robot does not wait for the answer to a reading before it sends the next one: it touches
-//! when it touches. It does wait for its session to be there, and for its last answers before it
-//! closes it; and, if polite, for as long as it was told to.
+//! A robot does not wait for the answer to a reading before it sends the next one, as on a
+//! real arm. It does wait for the start of its session, and for its last answers before it
+//! closes it; and, if polite, as long as `Retry-After` says.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -18,7 +17,7 @@ use super::operation::Operation;
 use super::tally::Answer;
 use super::touches::{SENSOR, Touches};
 
-/// How far from the session frame's origin objects lie, metres.
+/// Largest distance of objects from the session frame's origin, metres.
 const PLACE: f64 = 0.2;
 
 /// All robots.
@@ -31,7 +30,7 @@ pub(super) struct Sessions {
     begun: Instant,
 }
 
-/// A request that a robot sends.
+/// A request of a robot.
 pub(super) struct Errand {
     pub(super) robot: usize,
     pub(super) operation: Operation,
@@ -54,12 +53,12 @@ struct Robot {
     object: usize,
     session_from_object: Pose,
     seq: u64,
-    /// Readings of the session that were accepted, and those that failed for good.
+    /// Accepted readings of the session, and finally failed ones.
     accepted: u32,
     failed: u32,
     readings_under_way: u32,
     under_way: u32,
-    /// Whether its session is being made or closed.
+    /// Whether its session is being started or closed.
     is_turning: bool,
     waits_until: Option<Instant>,
 }
@@ -79,8 +78,9 @@ impl Sessions {
         Self { robots, next: 0, readings_max, touches, create, begun }
     }
 
-    /// What the next robot in turn sends that can do what is `wanted`: that, or what it must do
-    /// before. `None` when none can. `due` is when it was to be sent.
+    /// The next robot in turn that can send the `wanted` request, and its request: that one,
+    /// or one that must come before. `None` without such a robot. `due` is the time at which
+    /// it was due.
     pub(super) fn take(&mut self, wanted: Operation, due: Instant) -> Option<Errand> {
         let n = self.robots.len();
         let robot = (0..n).map(|step| (self.next + step) % n).find(|robot| {
@@ -117,7 +117,7 @@ impl Sessions {
         }
     }
 
-    /// Notes an answer; `created` is the session that was made.
+    /// Registers an answer; `created` is the new session.
     pub(super) fn answered(
         &mut self,
         robot: usize,
@@ -136,7 +136,7 @@ impl Sessions {
                 robot.session = created;
                 robot.is_turning = false;
             }
-            // One that is not there any more need not be closed either.
+            // A missing session need not be closed either.
             Operation::Close => {
                 robot.session = robot.session.filter(|_| is_refused);
                 robot.is_turning = false;
@@ -146,7 +146,7 @@ impl Sessions {
                 match answer {
                     Answer::Accepted => robot.accepted += 1,
                     Answer::Refused { .. } => {}
-                    // The session ended: this robot begins another one.
+                    // The session ended: this robot starts another one.
                     Answer::Other { status: 404 | 409 | 410, .. } => robot.failed = readings_max,
                     Answer::Other { .. } | Answer::Lost { .. } => robot.failed += 1,
                 }
@@ -155,7 +155,7 @@ impl Sessions {
         }
     }
 
-    /// Sessions that are open.
+    /// The open sessions.
     pub(super) fn open(&self) -> Vec<Uuid> {
         self.robots.iter().filter_map(|robot| robot.session).collect()
     }
@@ -179,7 +179,7 @@ impl Robot {
         }
     }
 
-    /// The operation that the robot sends when `wanted` is due, if any.
+    /// The request that the robot sends when `wanted` is due, if any.
     fn operation(&self, wanted: Operation, readings_max: u32, now: Instant) -> Option<Operation> {
         if self.is_turning || self.waits_until.is_some_and(|until| until > now) {
             return None;
@@ -200,7 +200,7 @@ impl Robot {
         }
     }
 
-    /// Turns to another object, which lies somewhere else.
+    /// Changes to another object at another pose.
     fn turn(&mut self, n_objects: usize) {
         self.is_turning = true;
         self.object = self.stream.index(n_objects);
@@ -220,7 +220,7 @@ impl Robot {
     }
 }
 
-/// A time since the run's begin, as a simulated clock that starts at 0.
+/// A time since the start of the run, on a simulated clock that starts at 0.
 fn stamp(since: Duration) -> Stamp {
     Stamp { sec: since.as_secs(), nanosec: since.subsec_nanos() }
 }

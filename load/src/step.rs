@@ -1,4 +1,4 @@
-//! One step: requests at a constant rate, whatever becomes of them.
+//! One step: requests at a constant rate, regardless of their results.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -17,7 +17,7 @@ use super::schedule::{Arrivals, Schedule};
 use super::sessions::{Errand, Request, Sessions};
 use super::tally::{Answer, Counts, Latency, OperationReport, Tally};
 
-/// Sessions that are closed at the same time when all is done.
+/// Number of sessions closed concurrently at the end.
 const CLOSED_AT_ONCE: usize = 32;
 /// Time limit of closing all sessions.
 const CLOSING_PATIENCE: Duration = Duration::from_secs(20);
@@ -46,33 +46,33 @@ pub(super) struct Plan {
 /// Figures of a step.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StepReport {
-    /// Requests that were due a second.
+    /// Requests due per second.
     pub rate: f64,
-    /// How long it was measured, seconds.
+    /// Duration of the measurement, seconds.
     pub seconds: f64,
-    /// Accepted requests whose answers came while it was measured, a second.
+    /// Accepted requests answered during the measurement, per second.
     pub accepted_per_s: f64,
-    /// Readings among them, a second.
+    /// Readings among them, per second.
     pub readings_per_s: f64,
-    /// The fates of the requests that were due while it was measured.
+    /// Results of the requests due during the measurement.
     #[serde(flatten)]
     pub counts: Counts,
-    /// When accepted requests were answered; null when none was.
+    /// Latency of accepted requests; null without any.
     pub accepted_latency: Option<Latency>,
-    /// When refused requests were answered; null when none was.
+    /// Latency of refused requests; null without any.
     pub refused_latency: Option<Latency>,
-    /// The same for each kind of request.
+    /// Figures of each kind of request.
     pub operations: Vec<OperationReport>,
-    /// By how much the sender was late at most, milliseconds; it is in the latencies.
+    /// Largest delay of the sender, milliseconds; included in the latencies.
     pub sender_lag_max_ms: f64,
-    /// Some of the words of what was not accepted nor refused.
+    /// Some messages of requests that were neither accepted nor refused.
     pub messages: Vec<String>,
-    /// The server's memory while it was measured; null when nobody can tell.
+    /// The server's memory during the measurement; null if unknown.
     pub memory: Option<Growth>,
 }
 
 impl StepReport {
-    /// The same with what the server's memory did after the warm-up.
+    /// The report with the server's memory after the warm-up.
     pub(super) fn with_memory(self, samples: &[Sample]) -> Self {
         let measured = samples.last().map_or(0.0, |last| last.at_s - self.seconds).max(0.0);
         let samples: Vec<Sample> =
@@ -81,7 +81,7 @@ impl StepReport {
     }
 }
 
-/// What a step's requests note down together.
+/// Shared records of a step's requests.
 struct Notes {
     tally: Mutex<Tally>,
     from: Instant,
@@ -123,13 +123,13 @@ pub(super) async fn run(world: &Arc<World>, plan: &Plan) -> anyhow::Result<StepR
     }
     tokio::time::sleep_until(to.into()).await;
     let in_window = lock(&notes.tally).in_window();
-    // The client gives up on every request at some time, so this ends.
+    // The client gives up on every request eventually, so this ends.
     let all = world.in_flight.acquire_many(world.in_flight_max as u32).await;
     drop(all);
     report(plan, &lock(&notes.tally), in_window)
 }
 
-/// Sends one request and notes what became of it.
+/// Sends one request and records its result.
 async fn send(
     world: Arc<World>,
     notes: Arc<Notes>,
@@ -160,7 +160,7 @@ async fn send(
     drop(permit);
 }
 
-/// Makes the call; the session that it created, if it did.
+/// Makes the call; returns the new session, if any.
 async fn ask(
     client: &Client,
     detail: BeliefDetail,
@@ -187,7 +187,7 @@ async fn ask(
     Ok(None)
 }
 
-/// Closes what is still open; what cannot be closed in time stays open.
+/// Closes the open sessions; those that cannot be closed in time stay open.
 pub(super) async fn close_all(world: &World) {
     let open = lock(&world.sessions).open();
     let closing = async {
@@ -200,7 +200,7 @@ pub(super) async fn close_all(world: &World) {
             under_way.join_all().await;
         }
     };
-    // A server that is still busy has more important things to do.
+    // A busy server need not answer these.
     let _ = tokio::time::timeout(CLOSING_PATIENCE, closing).await;
 }
 

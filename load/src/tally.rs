@@ -1,4 +1,4 @@
-//! Outcomes of requests, in counts and times.
+//! Results of requests, in counts and times.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -9,27 +9,27 @@ use serde::Serialize;
 
 use super::operation::Operation;
 
-/// Latencies are kept in microseconds, up to ten minutes, to three digits.
+/// Maximum latency in microseconds, ten minutes; latencies have three digits.
 const LATENCY_MAX_US: u64 = 600_000_000;
 const DIGITS: u8 = 3;
-/// So many different messages of failures are kept.
+/// Maximum number of different failure messages kept.
 const MESSAGES_MAX: usize = 5;
 
-/// Outcome of a request.
+/// Result of a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Answer {
-    /// It was done.
+    /// Success.
     Accepted,
-    /// The server has too much to do (429 or 503), and may say when to come back.
+    /// Refused as overload (429 or 503), perhaps with a time of a retry.
     Refused { status: u16, retry_after: Option<Duration> },
-    /// Another status than these.
+    /// Another status.
     Other { status: u16, message: String },
     /// No answer.
     Lost { message: String },
 }
 
 impl Answer {
-    /// The outcome that a client's error stands for.
+    /// The result that a client's error stands for.
     pub(super) fn of(error: &Error) -> Self {
         match error.status() {
             Some(status @ (429 | 503)) => {
@@ -41,53 +41,53 @@ impl Answer {
     }
 }
 
-/// How many requests there were of each fate.
+/// Number of requests by result.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Counts {
-    /// Were due.
+    /// Requests that were due.
     pub offered: u64,
-    /// Were sent.
+    /// Requests that were sent.
     pub sent: u64,
-    /// Were done (2xx).
+    /// Requests with success (2xx).
     pub accepted: u64,
-    /// Were refused with 429.
+    /// Requests refused with 429.
     pub refused_429: u64,
-    /// Were refused with 503.
+    /// Requests refused with 503.
     pub refused_503: u64,
-    /// Were answered with another status.
+    /// Requests answered with another status.
     pub other: u64,
-    /// Were not answered: time-outs, broken connections.
+    /// Requests without an answer: time-outs, broken connections.
     pub errors: u64,
-    /// Were not sent since too many were under way.
+    /// Requests not sent because too many were under way.
     pub not_sent: u64,
-    /// Were not sent since no robot could: all wait for their sessions, or were told to.
+    /// Requests not sent because no robot could: all wait for their sessions or for a retry.
     pub held_back: u64,
 }
 
-/// Times of answers in milliseconds, from the moment a request was due.
+/// Latencies in milliseconds, from the moment at which a request was due.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Latency {
-    /// Half of them came within.
+    /// Median.
     pub p50_ms: f64,
-    /// 90 of 100 came within.
+    /// 90th percentile.
     pub p90_ms: f64,
-    /// 99 of 100.
+    /// 99th percentile.
     pub p99_ms: f64,
-    /// 999 of 1000.
+    /// 99.9th percentile.
     pub p999_ms: f64,
-    /// The last one.
+    /// Maximum.
     pub max_ms: f64,
 }
 
-/// Outcomes of the requests of one kind.
+/// Results of the requests of one kind.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct OperationReport {
     /// The kind.
     pub operation: Operation,
-    /// Their fates.
+    /// Number of requests by result.
     #[serde(flatten)]
     pub counts: Counts,
-    /// When the accepted ones were answered; null when none was.
+    /// Latency of accepted requests; null without any.
     pub accepted_latency: Option<Latency>,
 }
 
@@ -97,13 +97,13 @@ struct Kind {
     accepted: Histogram<u64>,
 }
 
-/// All requests of a step that are measured.
+/// All measured requests of a step.
 pub(super) struct Tally {
     kinds: Vec<Kind>,
     refused: Histogram<u64>,
     messages: BTreeSet<String>,
     lag_max: Duration,
-    /// Accepted requests and readings whose answer came while the step was measured.
+    /// Accepted requests and readings answered during the measurement.
     in_window: [u64; 2],
 }
 
@@ -126,21 +126,21 @@ impl Tally {
         &mut self.kinds[operation as usize].counts
     }
 
-    /// A request that could not be sent since too many are under way.
+    /// Registers a request that could not be sent because too many are under way.
     pub(super) fn not_sent(&mut self, operation: Operation) {
         let counts = self.counts(operation);
         counts.offered += 1;
         counts.not_sent += 1;
     }
 
-    /// A request that no robot could send.
+    /// Registers a request that no robot could send.
     pub(super) fn held_back(&mut self, operation: Operation) {
         let counts = self.counts(operation);
         counts.offered += 1;
         counts.held_back += 1;
     }
 
-    /// A request that is sent, `lag` after it was due.
+    /// Registers a sent request, `lag` after it was due.
     pub(super) fn sent(&mut self, operation: Operation, lag: Duration) {
         let counts = self.counts(operation);
         counts.offered += 1;
@@ -148,7 +148,7 @@ impl Tally {
         self.lag_max = self.lag_max.max(lag);
     }
 
-    /// An answer, `latency` after its request was due.
+    /// Registers an answer, `latency` after its request was due.
     pub(super) fn answered(&mut self, operation: Operation, answer: &Answer, latency: Duration) {
         let micros = (latency.as_micros() as u64).min(LATENCY_MAX_US);
         let counts = self.counts(operation);
@@ -175,7 +175,7 @@ impl Tally {
         }
     }
 
-    /// An accepted request whose answer came while the step was measured, whenever it was due.
+    /// Registers an accepted request answered during the measurement, whenever it was due.
     pub(super) fn accepted_in_window(&mut self, operation: Operation) {
         self.in_window[0] += 1;
         self.in_window[1] += u64::from(operation == Operation::Reading);
@@ -187,7 +187,7 @@ impl Tally {
         }
     }
 
-    /// Accepted requests, and readings among them, whose answers came while it was measured.
+    /// Accepted requests, and readings among them, answered during the measurement.
     pub(super) fn in_window(&self) -> [u64; 2] {
         self.in_window
     }
@@ -259,7 +259,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_request_that_was_due_has_one_fate() {
+    fn every_due_request_has_one_result() {
         let mut tally = Tally::new().unwrap();
         let ms = Duration::from_millis;
         for n in 1..=100 {
@@ -278,7 +278,7 @@ mod tests {
         assert_eq!((total.offered, total.sent, total.accepted), (104, 102, 100));
         assert_eq!((total.refused_503, total.errors, total.refused_429), (1, 1, 0));
         assert_eq!((total.not_sent, total.held_back), (1, 1));
-        // Refused ones do not make the accepted ones look slow: 99 of 1 to 100 ms.
+        // Refused requests do not affect the latency of accepted ones: 99 of 1 to 100 ms.
         let accepted = tally.accepted_latency().unwrap().unwrap();
         assert!((accepted.p99_ms - 99.0).abs() < 0.1, "{accepted:?}");
         assert!((tally.refused_latency().unwrap().p50_ms - 500.0).abs() < 0.5);

@@ -1,4 +1,4 @@
-//! Touches of the catalogue's objects, simulated before anything is measured.
+//! Touches of the catalogue's objects, simulated before the measurement.
 
 use std::ops::ControlFlow;
 
@@ -17,9 +17,9 @@ use palpate_sim::sampler::{SampleError, SamplerConfig, sample};
 use crate::Progress;
 use crate::wire::on_the_wire;
 
-/// The sensor that all robots have; every server knows it.
+/// The sensor of all robots; every server has it.
 pub const SENSOR: SensorPreset = SensorPreset::Digitacts6x6;
-/// Touches of no more objects are simulated; sessions repeat them.
+/// Maximum number of objects with simulated touches; sessions repeat them.
 const OBJECTS_MAX: usize = 20;
 
 /// Touches of each object, in the frame of its mesh.
@@ -37,10 +37,10 @@ impl Touches {
         Ok(Self(objects))
     }
 
-    /// `n` touches of each object of a catalogue's current version whose mesh the server has.
+    /// `n` touches of each object of a catalogue's current version with a mesh on the server.
     ///
     /// # Errors
-    /// When the server refuses something, or has the mesh of none of them.
+    /// When the server refuses a request, or has no mesh of any object.
     pub async fn of_catalogue(
         client: &Client,
         catalogue: &str,
@@ -67,13 +67,13 @@ impl Touches {
         Self::new(objects)
     }
 
-    /// How many objects there are.
+    /// Number of objects.
     #[must_use]
     pub fn n_objects(&self) -> usize {
         self.0.len()
     }
 
-    /// A touch of an object that lies at `session_from_object`, without robot and number.
+    /// A touch of an object at `session_from_object`, without robot and number.
     pub(super) fn draw(
         &self,
         object: usize,
@@ -86,10 +86,10 @@ impl Touches {
     }
 }
 
-/// The mesh that the server has of an object, if any.
+/// The server's mesh of an object, if any.
 async fn mesh(client: &Client, id: &str) -> anyhow::Result<Option<Mesh>> {
     let object = match client.object(id).await {
-        // It was deleted after it was trained.
+        // It was deleted after its training.
         Err(error) if error.status() == Some(404) => return Ok(None),
         other => other?,
     };

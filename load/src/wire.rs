@@ -1,9 +1,9 @@
-//! Readings of a simulated sensor as a robot sends them.
+//! Readings of a simulated sensor in a robot's wire form.
 
 use palpate_core::reading::Reading;
 use palpate_schemas as wire;
 
-/// A reading of the named sensor for the wire, with its pose, without a robot and its number.
+/// A reading of the named sensor in its wire form, with its pose, without a robot and its number.
 #[must_use]
 pub fn on_the_wire(reading: &Reading, sensor: &str) -> wire::Reading {
     let pose = reading.session_from_sensor();

@@ -1,10 +1,10 @@
-//! Admission: what a request may occupy, from the first byte of its body to the last of its
-//! answer.
+//! Admission: budgets for the resources that a request occupies, from its first byte to its
+//! answer's last.
 //!
 //! Each of five budgets has a total and a share for each client: bytes of bodies that have
-//! arrived, requests under way, event streams, snapshots, and bytes of answers that are not read
-//! yet. A body arrives before its request takes a slot, so a promise of bytes holds nothing. Who
-//! is over a bound is told to come back. Health checks and metrics are always answered: an
+//! arrived, requests under way, event streams, snapshots, and bytes of unread answers. A body
+//! arrives before its request takes a slot, so an announced body holds nothing. A client over
+//! a limit is asked to retry later. Health checks and metrics are always answered: an
 //! overloaded server must not look dead.
 
 use std::sync::Arc;
@@ -18,7 +18,7 @@ use crate::config::Config;
 use crate::door::Connections;
 use crate::refusal::Refusal;
 
-/// The budgets of what is under way.
+/// The budgets of requests under way.
 #[derive(Debug)]
 pub(crate) struct Admission {
     requests: Arc<Budget>,
@@ -41,7 +41,7 @@ impl Admission {
         }
     }
 
-    /// Room for one event stream, for as long as the holding lives.
+    /// Reserves one event stream for the lifetime of the holding.
     pub(crate) fn stream(&self, client: Option<Client>) -> Result<Holding, Refusal> {
         self.streams.take(client, 1).map_err(|over| match over {
             Over::Total => Refusal::StreamsFull { open: self.streams.total() },
@@ -49,7 +49,7 @@ impl Admission {
         })
     }
 
-    /// Room for one snapshot, for as long as the holding lives.
+    /// Reserves one snapshot for the lifetime of the holding.
     pub(crate) fn snapshot(&self, client: Option<Client>) -> Result<Holding, Refusal> {
         self.snapshots.take(client, 1).map_err(|over| match over {
             Over::Total => EngineError::CutsUnderWay { max: self.snapshots.total() }.into(),
@@ -57,22 +57,22 @@ impl Admission {
         })
     }
 
-    /// The bounds on connections.
+    /// The limits on connections.
     pub(crate) fn connections(&self) -> &Arc<Connections> {
         &self.connections
     }
 
-    /// Bytes of bodies that have arrived and whose requests are not answered.
+    /// Bytes of bodies whose requests are not answered.
     pub(crate) fn body_bytes(&self) -> usize {
         self.bodies.used()
     }
 
-    /// Bytes of answers that are not read yet.
+    /// Bytes of unread answers.
     pub(crate) fn answer_bytes(&self) -> usize {
         self.answers.used()
     }
 
-    /// What is used of each budget and what there is, by name, for metrics.
+    /// Use and total of each budget, by name, for metrics.
     pub(crate) fn occupied(&self) -> [(&'static str, usize, usize); 6] {
         let of = |name, budget: &Budget| (name, budget.used(), budget.total());
         [
@@ -94,8 +94,7 @@ impl Admission {
     }
 }
 
-/// The most bytes that an answer keeps in memory which is made while it is read: an extension of
-/// the response.
+/// Maximum memory of an answer that is produced while it is read: an extension of the response.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct InMemory(pub(crate) usize);
 

@@ -1,4 +1,4 @@
-//! The service put together: what handlers work with, the router and its layers.
+//! The assembled service: the state of the handlers, the router and its layers.
 
 use std::sync::Arc;
 
@@ -25,7 +25,7 @@ use crate::services::sensors::Sensors;
 use crate::services::sessions::Sessions;
 use crate::services::storage::Storage;
 
-/// What handlers work with. Cheap to clone.
+/// The state of the handlers. Cheap to clone.
 #[derive(Clone)]
 pub(crate) struct App(Arc<Parts>);
 
@@ -110,12 +110,12 @@ impl App {
         &self.0.operations
     }
 
-    /// What takes the room of the disk.
+    /// Use of the disk.
     pub(crate) fn storage(&self) -> &Arc<Storage> {
         &self.0.storage
     }
 
-    /// Reads much of the store on a thread that computes: those that serve requests stay free.
+    /// Runs a long read of the store on a compute thread, so that request threads stay free.
     pub(crate) async fn apart<T: Send + 'static>(
         &self,
         read: impl FnOnce(&Self) -> Result<T, Refusal> + Send + 'static,
@@ -129,7 +129,7 @@ impl App {
         self.0.stopping.clone()
     }
 
-    /// Whether the server does its work.
+    /// Whether the server is ready.
     pub(crate) fn readiness(&self) -> Readiness {
         let (store, room) = match self.0.store.stats() {
             Ok(stats) => (check("store", true, taken(&stats)), room(&stats, &self.0.storage)),
@@ -165,7 +165,7 @@ impl App {
         Readiness { ready, checks: vital.into_iter().chain([room, memory, integrity]).collect() }
     }
 
-    /// Brings the figures up to date that nobody else keeps.
+    /// Updates the metrics that have no other source.
     pub(crate) fn measure(&self) {
         process::measure();
         metrics::gauge!("palpate_sessions_in_memory").set(self.0.sessions.n_live() as f64);
@@ -217,7 +217,7 @@ fn room(stats: &EngineStats, storage: &Storage) -> Check {
     }
 }
 
-/// The bytes that are stored, and how many of them are live.
+/// The stored bytes, and the live ones among them.
 fn taken(stats: &EngineStats) -> String {
     format!("{} MB, {} MB live", stats.bytes >> 20, stats.live_bytes >> 20)
 }

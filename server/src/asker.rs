@@ -1,9 +1,10 @@
-//! The asker of a request: the client that its work counts to, and whether it still waits.
+//! The asker of a request: the client that its work counts towards, and whether it still waits.
 //!
-//! It goes with the request's task (a task-local), because everything between the door and the
-//! compute pool would have to pass it on. When the request ends before its answer, because the
-//! client has gone or the time for answers is up, its computations are asked to end: at once
-//! between two readings, and within a reading after [`GRACE`], which costs the belief in memory.
+//! It is a task-local value, since otherwise everything between the connection and the
+//! compute pool would have to pass it on. When the request ends before its answer, because
+//! the client has gone or the time limit is reached, its computations are cancelled: at once
+//! between two readings, and within a reading after [`GRACE`], which costs the belief in
+//! memory.
 
 use std::time::Duration;
 
@@ -13,21 +14,21 @@ use uuid::Uuid;
 
 use crate::client::Client;
 
-/// How long a reading that is being folded may take to its end. Chosen: a few times what one
-/// takes, and half of the second after which a core is given back.
+/// Time for a reading in progress to be folded completely. Chosen: a few times the usual
+/// time, and half of the second within which a core must be free again.
 const GRACE: Duration = Duration::from_millis(500);
 
 tokio::task_local! {
     static ASKER: Asker;
 }
 
-/// Who asks. The default asks for nobody and never ends.
+/// The asker of a request. The default is no client and never ends.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Asker {
     client: Option<Client>,
-    /// Asked for when nobody waits for an answer.
+    /// Requested when no caller waits for an answer.
     gone: Stop,
-    /// Asked for a moment later.
+    /// Requested [`GRACE`] later.
     overdue: Stop,
 }
 
@@ -41,12 +42,12 @@ impl Asker {
         ASKER.try_with(Clone::clone).unwrap_or_default()
     }
 
-    /// The client that work counts to.
+    /// The client that the work counts towards.
     pub(crate) fn client(&self) -> Option<Client> {
         self.client
     }
 
-    /// The key that what is written is written with.
+    /// The key under which writes are recorded.
     pub(crate) fn key(&self) -> Option<Uuid> {
         match self.client {
             Some(Client::Key(key)) => Some(key),
@@ -54,17 +55,17 @@ impl Asker {
         }
     }
 
-    /// Whether nobody waits for an answer any more.
+    /// Whether no caller waits for an answer any more.
     pub(crate) fn is_gone(&self) -> bool {
         self.gone.is_asked()
     }
 
-    /// What loops within a reading heed.
+    /// The stop for loops within a reading.
     pub(crate) fn overdue(&self) -> &Stop {
         &self.overdue
     }
 
-    /// Asks the work to end.
+    /// Cancels the work.
     fn leave(&self) {
         self.gone.ask();
         let overdue = self.overdue.clone();
@@ -74,13 +75,13 @@ impl Asker {
         };
         match tokio::runtime::Handle::try_current() {
             Ok(runtime) => drop(runtime.spawn(asking)),
-            // The server is going down.
+            // The server is shutting down.
             Err(_) => self.overdue.ask(),
         }
     }
 }
 
-/// Leaves when it is dropped before the answer.
+/// Cancels the work when it is dropped before the answer.
 struct Waiting(Option<Asker>);
 
 impl Drop for Waiting {
@@ -91,7 +92,7 @@ impl Drop for Waiting {
     }
 }
 
-/// Does what a client asks for. Dropped before its end, it takes its computations with it.
+/// Runs the work of a client. If it is dropped before its end, its computations are cancelled.
 pub(crate) async fn ask<T>(client: Option<Client>, work: impl Future<Output = T>) -> T {
     let asker = Asker::new(client);
     let mut waiting = Waiting(Some(asker.clone()));
@@ -100,16 +101,16 @@ pub(crate) async fn ask<T>(client: Option<Client>, work: impl Future<Output = T>
     answer
 }
 
-/// Goes on with the asker's work in a task of its own, which ends by itself when the asker has
-/// gone: nothing is left half done.
+/// Runs work of the current asker in a separate task, which is cancelled by itself when the
+/// asker has gone, so that nothing is left half done.
 pub(crate) fn spawn<T: Send + 'static>(
     work: impl Future<Output = T> + Send + 'static,
 ) -> JoinHandle<T> {
     tokio::spawn(ASKER.scope(Asker::current(), work))
 }
 
-/// The same for work that others wait for too: it may take the time `within` though the asker has
-/// gone.
+/// Like `spawn`, for work that others wait for too: it may take the time `within` after the
+/// asker has gone.
 pub(crate) fn spawn_within<T: Send + 'static>(
     within: Duration,
     work: impl Future<Output = T> + Send + 'static,
@@ -133,10 +134,10 @@ mod tests {
     use super::*;
 
     #[tokio::test]
-    async fn work_that_nobody_waits_for_is_asked_to_end() {
+    async fn work_without_a_waiting_caller_is_cancelled() {
         let (sender, asker) = tokio::sync::oneshot::channel();
         let asked = ask(None, async {
-            // Through a task of its own, as changes are made.
+            // Through a separate task, as for changes.
             spawn(async move { sender.send(Asker::current()).unwrap() }).await.unwrap();
             std::future::pending::<()>().await;
         });

@@ -1,20 +1,20 @@
-//! A budget: a resource that callers occupy, its total, and the share of one client.
+//! A budget: the total of a resource that callers occupy, and the share of one client.
 //!
-//! A client may hold at most [`SHARE`] times what is still free (the dynamic threshold of
+//! A client may hold at most [`SHARE`] times the free amount (the dynamic threshold of
 //! Choudhury and Hahne, 1998). One client alone gets three quarters; with `n` greedy clients
-//! each gets `3 / (1 + 3 n)` of the total, and that third part of a share stays free for
-//! clients that hold nothing yet. Nothing has to be configured for a number of clients.
+//! each gets `3 / (1 + 3 n)` of the total, and a third of a share stays free for new clients.
+//! It needs no configuration for the number of clients.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::client::Client;
 
-/// A client holds at most this many times what is free. Chosen: a fleet behind one key gets
-/// three quarters of the server, and four greedy clients leave a thirteenth free.
+/// Largest multiple of the free amount that a client may hold. Chosen: a fleet behind one key
+/// gets three quarters of the server, and four greedy clients leave a thirteenth free.
 const SHARE: usize = 3;
 
-/// A resource of which there is a bounded amount.
+/// A limited resource.
 #[derive(Debug)]
 pub(crate) struct Budget {
     total: usize,
@@ -27,7 +27,7 @@ struct Held {
     by_client: HashMap<Client, usize>,
 }
 
-/// Why nothing was taken.
+/// Reason of a refusal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Over {
     /// All clients together hold the total.
@@ -36,7 +36,7 @@ pub(crate) enum Over {
     Share,
 }
 
-/// A part of a budget; dropping it gives it back.
+/// A part of a budget, released on drop.
 #[derive(Debug)]
 pub(crate) struct Holding {
     budget: Arc<Budget>,
@@ -53,12 +53,12 @@ impl Budget {
         self.total
     }
 
-    /// How much all clients hold.
+    /// The amount held by all clients.
     pub(crate) fn used(&self) -> usize {
         self.lock().all
     }
 
-    /// Takes `amount` for a client. A caller without an address counts to the total alone.
+    /// Takes `amount` for a client. A caller without an address counts towards the total alone.
     pub(crate) fn take(
         self: &Arc<Self>,
         client: Option<Client>,
@@ -69,7 +69,7 @@ impl Budget {
         Ok(holding)
     }
 
-    /// Counts `amount` for a client that holds it already, whatever the bounds.
+    /// Registers `amount` that a client holds already, regardless of limits.
     pub(crate) fn note(self: &Arc<Self>, client: Option<Client>, amount: usize) -> Holding {
         let mut held = self.lock();
         held.all += amount;
@@ -86,7 +86,7 @@ impl Budget {
 }
 
 impl Holding {
-    /// Makes the holding at least `amount`; it stays as it is when there is no room.
+    /// Grows the holding to at least `amount`; it stays unchanged when there is no space.
     pub(crate) fn grow_to(&mut self, amount: usize) -> Result<(), Over> {
         let Some(more) = amount.checked_sub(self.amount).filter(|more| *more > 0) else {
             return Ok(());
@@ -96,7 +96,7 @@ impl Holding {
         let all = held.all.checked_add(more).filter(|all| *all <= total).ok_or(Over::Total)?;
         if let Some(client) = self.client {
             let own = held.by_client.get(&client).copied().unwrap_or(0) + more;
-            // A first holding is let in wherever there is room.
+            // A first holding is granted wherever there is space.
             if own > more && own > SHARE.saturating_mul(total - all) {
                 return Err(Over::Share);
             }
@@ -131,13 +131,13 @@ mod tests {
         Some(Client::at([10, 0, 0, n].into()))
     }
 
-    /// How much a client gets, one by one.
+    /// The amounts that a client gets, one by one.
     fn fill(budget: &Arc<Budget>, n: u8) -> Vec<Holding> {
         std::iter::from_fn(|| budget.take(client(n), 1).ok()).collect()
     }
 
     #[test]
-    fn greedy_clients_leave_room_for_one_that_holds_nothing() {
+    fn greedy_clients_leave_space_for_a_new_one() {
         let budget = Budget::new(130);
         let alone = fill(&budget, 0);
         assert_eq!(alone.len(), 97, "three quarters");
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn a_holding_grows_to_what_fits_and_gives_all_of_it_back() {
+    fn a_holding_grows_within_the_budget_and_releases_all() {
         let budget = Budget::new(100);
         let mut holding = budget.take(client(0), 10).unwrap();
         holding.grow_to(40).unwrap();

@@ -1,15 +1,15 @@
-//! The client of a request: the key it came with, or its address where it came with none.
+//! The client of a request: its key, or its address without a key.
 //!
-//! Bounds that clients share (`rate`, `budget`) count by client.
+//! Limits shared by clients (`rate`, `budget`) count by client.
 
 use std::net::{IpAddr, Ipv6Addr};
 
 use uuid::Uuid;
 
-/// A network of this length is one client: a host may choose any address in it.
+/// Length of a network that is one client: a host may choose any address in it.
 const IPV6_PREFIX_BITS: u32 = 64;
 
-/// Who has a share of its own.
+/// A client with a share of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Client {
     /// The holder of a key.
@@ -36,7 +36,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_host_is_one_client_at_any_address_of_its_network() {
+    fn a_host_is_one_client_at_any_address_of_its_prefix() {
         let at = |text: &str| Client::at(text.parse().unwrap());
         assert_eq!(at("2001:db8:1:2:3::4"), at("2001:db8:1:2:ffff::1"));
         assert_ne!(at("2001:db8:1:2::4"), at("2001:db8:1:3::4"));

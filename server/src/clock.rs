@@ -1,4 +1,4 @@
-//! The only place that reads the clock for what is stored.
+//! The only reading of the clock for stored times.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 

@@ -1,14 +1,14 @@
-//! The threads that compute, behind a queue with a fixed number of places.
+//! The compute threads, behind a queue with a fixed number of slots.
 //!
-//! There are two kinds, as many threads of each as the operator allows. Short work is what a robot
-//! waits for, milliseconds. Long work, such as lists, drawings, explanations and filters with a
-//! hundred thousand particles, has threads of its own with a lower priority: whatever is asked of
-//! them, a robot waits for other robots alone, and on an idle machine they are as fast.
-//! Parts of one piece of work (`rayon` in core) are done by the same threads, never by a pool of
-//! the whole process. Each thread has one that waits for it, so that no more pieces are begun than
-//! threads compute. Async threads only wait. Whoever wants to compute takes a [`Place`] first,
-//! before anything is stored; when there is none the robot is asked to come back. Work whose asker
-//! has gone before it began is not begun (`asker`). A panic in one piece ends that piece only.
+//! There are two kinds, each with as many threads as the operator permits. Short work is what
+//! a robot waits for, milliseconds. Long work, such as lists, drawings, explanations and
+//! filters with a hundred thousand particles, has its own threads with a lower priority:
+//! under any load a robot waits only for other robots, and on an idle machine long work is as
+//! fast. Parts of one piece of work (`rayon` in core) run on the same threads, never on a
+//! pool of the whole process. Each thread has one that waits for it, so that no more pieces
+//! are started than threads compute. Async threads only wait. A computation needs a [`Place`]
+//! first, before anything is stored; without one the robot is asked to retry. Work is not
+//! started if its asker has gone (`asker`). A panic in one piece ends that piece only.
 
 mod queue;
 
@@ -25,19 +25,19 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
 use crate::asker::Asker;
 use queue::Queue;
 
-/// When short work waits and no thread has taken any for this long, the server is not ready.
-/// Chosen: a piece takes milliseconds, the slowest seconds.
+/// Time without progress after which waiting short work makes the server not ready. Chosen: a
+/// piece takes milliseconds, the slowest seconds.
 const STALLED_AFTER: Duration = Duration::from_secs(30);
-/// The same for long work. Chosen: beyond the time that any answer may take.
+/// The same for long work. Chosen: beyond the time limit of any answer.
 const LONG_STALLED_AFTER: Duration = Duration::from_secs(180);
 
-/// Added to the nice value of the threads for long work (Linux only). Chosen: at 10 a thread gets a
-/// tenth of a core that a thread for short work wants too, so long work still ends on a busy
-/// server.
+/// Increment of the nice value of the threads for long work (Linux only). Chosen: at 10 a
+/// thread gets a tenth of a core that a thread for short work needs too, so long work still
+/// ends on a busy server.
 #[cfg(target_os = "linux")]
 const LONG_NICE: i32 = 10;
 
-/// Threads that compute, and the places in the queue before them.
+/// The compute threads, and the slots of the queue before them.
 #[derive(Clone)]
 pub(crate) struct Pool {
     places: Arc<Semaphore>,
@@ -48,13 +48,13 @@ pub(crate) struct Pool {
 /// Whether a robot waits for a piece of work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Length {
-    /// It does.
+    /// A robot waits.
     Short,
-    /// It gives way to short work.
+    /// It yields to short work.
     Long,
 }
 
-/// The queues, closed when nobody can bring work any more.
+/// The queues, closed when no more work can come.
 struct Open {
     short: Arc<Queue>,
     long: Arc<Queue>,
@@ -67,34 +67,34 @@ impl Drop for Open {
     }
 }
 
-/// A place in the queue; dropped, it is free again.
+/// A slot in the queue, released on drop.
 pub(crate) struct Place {
     permit: OwnedSemaphorePermit,
     open: Arc<Open>,
 }
 
-/// Why something was not computed.
+/// Error of a computation.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 pub(crate) enum ComputeError {
-    /// Every place in the queue is taken.
+    /// Every slot in the queue is taken.
     #[error("all {places} places of the compute queue are taken")]
     Full {
-        /// How many there are.
+        /// Number of slots.
         places: usize,
     },
     /// The work panicked.
     #[error("the computation panicked")]
     Panicked,
-    /// Nobody waits for the answer, or the time for answers is up.
+    /// The caller has gone, or the time limit is reached.
     #[error("the computation was ended before its answer: its time was up")]
     Stopped,
 }
 
 impl Pool {
-    /// Starts `threads` threads (at least one) and opens `queue_max` places besides.
+    /// Starts `threads` threads (at least one) with `queue_max` further slots.
     ///
     /// # Errors
-    /// What the operating system says when it gives no thread.
+    /// The operating system's error when it gives no thread.
     pub(crate) fn start(threads: usize, queue_max: usize) -> io::Result<Self> {
         let threads = threads.max(1);
         let open = Arc::new(Open {
@@ -105,7 +105,7 @@ impl Pool {
         Ok(Self { places: Arc::new(Semaphore::new(n_places)), open, n_places })
     }
 
-    /// Takes a place in the queue, without waiting.
+    /// Takes a slot in the queue, without waiting.
     ///
     /// # Errors
     /// [`ComputeError::Full`] when all are taken.
@@ -118,19 +118,20 @@ impl Pool {
         }
     }
 
-    /// Takes a place as soon as there is one, for the next piece of an answer that has begun.
+    /// Waits for a slot, for the next piece of an answer that has begun.
     pub(crate) async fn place_in_time(&self) -> io::Result<Place> {
         let permit = Arc::clone(&self.places).acquire_owned().await.map_err(io::Error::other)?;
         Ok(Place { permit, open: Arc::clone(&self.open) })
     }
 
-    /// How many places are free.
+    /// Number of free slots.
     #[must_use]
     pub(crate) fn n_free(&self) -> usize {
         self.places.available_permits()
     }
 
-    /// Whether work waits and no thread has taken any for a while: all are at pieces without end.
+    /// Whether work waits and no thread has taken any for a while: all are busy with endless
+    /// pieces.
     pub(crate) fn is_stalled(&self) -> bool {
         self.open.short.stalled() >= STALLED_AFTER || self.open.long.stalled() >= LONG_STALLED_AFTER
     }
@@ -149,7 +150,7 @@ impl Place {
         self.run_as(Length::Short, work).await
     }
 
-    /// The same for long work, which gives way to what robots wait for.
+    /// Like [`Place::run`], for long work, which yields to short work.
     ///
     /// # Errors
     /// As [`Place::run`].
@@ -160,7 +161,7 @@ impl Place {
         self.run_as(Length::Long, work).await
     }
 
-    /// The same for work of either length.
+    /// Like [`Place::run`], for work of either length.
     ///
     /// # Errors
     /// As [`Place::run`].
@@ -179,7 +180,7 @@ impl Place {
             let outcome = if asker.is_gone() { Err(ComputeError::Stopped) } else { outcome(work) };
             metrics::histogram!("palpate_compute_seconds").record(begun.elapsed());
             drop(permit);
-            // A robot that has gone away does not read the answer.
+            // The receiver is gone if the robot has left.
             let _ = answer.send(outcome);
         });
         match length {
@@ -191,7 +192,7 @@ impl Place {
     }
 }
 
-/// Starts threads that compute what comes into the queue.
+/// Starts threads that take work from the queue.
 fn compute(threads: usize, length: Length) -> io::Result<Arc<Queue>> {
     let name = match length {
         Length::Short => "compute",
@@ -215,9 +216,9 @@ fn compute(threads: usize, length: Length) -> io::Result<Arc<Queue>> {
     Ok(queue)
 }
 
-/// Gives this thread the priority of its work.
+/// Sets the priority of this thread.
 fn give_way(length: Length) {
-    // Elsewhere a priority is that of the whole process.
+    // On other systems a priority is that of the whole process.
     #[cfg(target_os = "linux")]
     if length == Length::Long {
         use rustix::process::{getpriority_process, setpriority_process};
@@ -270,7 +271,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn work_whose_asker_has_gone_gives_its_thread_back() {
+    async fn work_without_an_asker_frees_its_thread() {
         let pool = Pool::start(1, 1).unwrap();
         let endless = asker::ask(None, async {
             let stop = Asker::current().overdue().clone();
@@ -290,7 +291,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn one_client_with_much_work_does_not_hold_up_another() {
+    async fn a_busy_client_does_not_delay_another() {
         let pool = Pool::start(1, 32).unwrap();
         let done = Arc::new(Mutex::new(Vec::new()));
         let piece = |host: u8| {
@@ -301,7 +302,7 @@ mod tests {
             };
             asker::ask(Some(Client::at([10, 0, 0, host].into())), place.run(work))
         };
-        // They are queued in this order, all of the greedy one before the other.
+        // Queued in this order, all of the greedy client before the other.
         let mut all: Vec<_> = (0..20).map(|_| piece(1)).collect();
         all.push(piece(2));
         join_all(all).await;
@@ -310,7 +311,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_robot_does_not_wait_for_long_work() {
+    async fn short_work_does_not_wait_for_long_work() {
         let pool = Pool::start(1, 4).unwrap();
         let (release, released) = std::sync::mpsc::channel::<()>();
         let waiting = tokio::spawn(pool.place().unwrap().run_long(move || released.recv()));

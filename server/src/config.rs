@@ -1,4 +1,4 @@
-//! What an operator chooses: where to listen, where to keep data, and every bound.
+//! Configuration of a server: addresses, folders, and every limit.
 
 use std::fmt;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -15,12 +15,12 @@ use crate::tls::TlsFiles;
 /// Whether requests need an API key.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Access {
-    /// As soon as a key is stored that is not revoked; looked up when the server starts.
+    /// Required if there is a valid key when the server starts.
     #[default]
     Auto,
-    /// Always. The first admin's key is made when there is none.
+    /// Always required. The first admin's key is created if missing.
     Keys,
-    /// Never, whatever is stored.
+    /// Never required.
     Open,
 }
 
@@ -34,102 +34,101 @@ impl fmt::Display for Access {
     }
 }
 
-/// The settings of a server. Every default is meant for one machine and a small fleet.
+/// The settings of a server. Defaults suit one machine and a small fleet.
 #[derive(Clone, Debug)]
 #[expect(clippy::struct_excessive_bools, reason = "settings that are on or off, each for itself")]
 pub struct Config {
     /// The address to listen at; port 0 takes any free one.
     pub listen: SocketAddr,
-    /// Listen at an address that other machines can reach although nobody is asked for a key.
+    /// Permits an address that other machines can reach without keys.
     pub insecure_bind: bool,
-    /// Names that this machine has in the network: without keys, a request for another name is
-    /// refused. Addresses and names of the machine itself need not be listed.
+    /// Names of this machine in the network; without keys, requests for other names are
+    /// refused. Addresses and the machine's own names need not be listed.
     pub host_names: Vec<String>,
     /// Whether requests need an API key.
     pub access: Access,
-    /// Make one more admin's key at the start, for operators who have lost theirs.
+    /// Creates another admin's key at the start, for operators who have lost theirs.
     pub new_admin_key: bool,
-    /// Let everybody read `/metrics`, also without a key.
+    /// Permits reading `/metrics` without a key.
     pub open_metrics: bool,
-    /// The certificate and key to speak TLS with; plain HTTP without.
+    /// The certificate and key for TLS; plain HTTP without.
     pub tls: Option<TlsFiles>,
     /// Origins whose pages may use the API from a browser, such as `https://lab.example`.
     pub cors_origins: Vec<String>,
-    /// How many entries the audit log keeps, of each ring.
+    /// Number of entries that each ring of the audit log keeps.
     pub audit_entries_max: RingSizes,
-    /// How many changes of one key may fail within a minute; then it has to wait.
+    /// Number of failed changes of one key per minute; further ones have to wait.
     pub failed_changes_per_minute: NonZeroU32,
-    /// The folder of the database; made if it does not exist.
+    /// The database folder; created if it does not exist.
     pub data: PathBuf,
-    /// Bring a database of an older layout to today's; otherwise it is refused.
+    /// Migrates a database of an older layout; otherwise it is refused.
     pub migrate: bool,
-    /// How many bytes of memory the database keeps pages in.
+    /// Memory of the database's page cache, bytes.
     pub store_cache_bytes: u64,
     /// Bytes of the disk that stay free: with fewer, writes are refused (507).
     pub disk_reserve_bytes: u64,
-    /// Room beyond 1.5 times the live bytes at which the stored data is compacted by itself.
+    /// Space beyond 1.5 times the live bytes at which the store compacts itself.
     pub store_slack_bytes: u64,
     /// Bytes of stored data that one API key may hold; no bound when `None`.
     pub store_quota_bytes: Option<u64>,
-    /// How the free bytes are found.
+    /// Source of the number of free bytes.
     pub free_space: FreeSpace,
     /// The longest body of JSON or MessagePack, in bytes.
     pub json_bytes_max: usize,
     /// The longest mesh file, in bytes.
     pub mesh_bytes_max: usize,
-    /// How long a body may take to arrive.
+    /// Time limit for a body to arrive.
     pub body_timeout: Duration,
-    /// How long an answer may take before the robot is told to come back.
+    /// Time limit of an answer, after which the robot is asked to retry.
     pub answer_timeout: Duration,
-    /// How many requests may be under way at once.
+    /// Maximum number of concurrent requests.
     pub requests_max: usize,
-    /// How many bytes the bodies of all requests under way may have together.
+    /// Maximum total bytes of the bodies of concurrent requests.
     pub bodies_bytes_max: usize,
-    /// How many bytes the answers may have together that are not read yet.
+    /// Maximum total bytes of unread answers.
     pub answers_bytes_max: usize,
-    /// How many connections may be open at once; fewer where the system allows fewer files.
+    /// Maximum number of open connections; fewer if the system allows fewer files.
     pub connections_max: usize,
-    /// How long a connection may take for each step.
+    /// Time limits of a connection's steps.
     pub patience: Patience,
-    /// How many requests a second each client may make; no bound of its own when `None`.
+    /// Maximum requests per second of each client; no limit if `None`.
     pub rate_per_second: Option<NonZeroU32>,
-    /// How many event streams may be open at once.
+    /// Maximum number of open event streams.
     pub streams_max: usize,
     /// Threads that update beliefs and read meshes.
     pub compute_threads: usize,
-    /// How many pieces of such work may wait for a thread.
+    /// Maximum number of computations that wait for a thread.
     pub compute_queue_max: usize,
-    /// Threads that train; readings of running sessions are not held up by them.
+    /// Threads that train, without delaying the readings of running sessions.
     pub training_threads: usize,
-    /// How many trainings may wait.
+    /// Maximum number of waiting trainings.
     pub training_queue_max: usize,
-    /// How long one training may take.
+    /// Time limit of one training.
     pub training_time_max: Duration,
-    /// How many bytes of memory models may have that sessions recognise by.
+    /// Maximum memory of models for sessions, bytes.
     pub model_memory_bytes_max: u64,
-    /// How many bytes of memory beliefs may have; those that were not used for longest are
-    /// rebuilt from their journals.
+    /// Maximum memory of beliefs, bytes; the least recently used ones are rebuilt from their
+    /// journals.
     pub belief_memory_bytes_max: usize,
-    /// How many sessions are kept in memory; others are rebuilt from their journals.
+    /// Maximum number of sessions in memory; others are rebuilt from their journals.
     pub beliefs_in_memory_max: usize,
-    /// How many sessions may be open at once.
+    /// Maximum number of open sessions.
     pub sessions_open_max: usize,
-    /// How long a session stays open without a new reading, unless it says so itself; zero is
-    /// for ever.
+    /// Default lifetime of a session without a new reading; zero is unlimited.
     pub session_time_to_live: Duration,
-    /// How long sessions are kept after they ended, with their readings; for ever if `None`.
+    /// Time for which ended sessions are kept with their readings; unlimited if `None`.
     pub session_kept: Option<Duration>,
-    /// How many readings one session may have.
+    /// Maximum number of readings of one session.
     pub session_readings_max: usize,
-    /// How many training readings one object may have.
+    /// Maximum number of training readings of one object.
     pub object_readings_max: usize,
 }
 
-/// So many requests may be under way for each core: what is accepted waits for those before it,
-/// and more of them would only wait longer.
+/// Concurrent requests per core: accepted requests wait for earlier ones, and more of them
+/// would only wait longer.
 const REQUESTS_PER_CORE: usize = 128;
 
-/// Chosen: five a second are more than a robot or a person brings about by mistake.
+/// Chosen: five a second are more than a robot or a person causes by mistake.
 const FAILED_CHANGES_PER_MINUTE: NonZeroU32 = NonZeroU32::new(300).expect("300 is not 0");
 
 impl Config {

@@ -1,5 +1,5 @@
 //! The dashboard's files, built from `web/` and embedded: nothing is read from disk or loaded
-//! from elsewhere. `web/build` makes them anew.
+//! from elsewhere. `web/build` rebuilds them.
 
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -16,7 +16,7 @@ const SCRIPT: &str = "text/javascript; charset=utf-8";
 const STYLE: &str = "text/css; charset=utf-8";
 const TEXT: &str = "text/plain; charset=utf-8";
 
-/// Every file; the names stay, since a browser asks each time whether a file is new.
+/// Every file; the names stay, since browsers revalidate files on each request.
 const ASSETS: &[Asset] = &[
     asset("/", HTML, include_bytes!("../dashboard/index.html")),
     asset("/assets/app.js", SCRIPT, include_bytes!("../dashboard/assets/app.js")),
@@ -40,7 +40,7 @@ pub(crate) fn has(path: &str) -> bool {
     paths().any(|known| known == path)
 }
 
-/// The answer with a file; 304 when `If-None-Match` names what it is.
+/// The answer with a file; 304 when `If-None-Match` names its tag.
 pub(crate) fn answer(path: &str, headers: &HeaderMap) -> Response {
     let Some(asset) = ASSETS.iter().find(|asset| asset.path == path) else {
         return StatusCode::NOT_FOUND.into_response();
@@ -48,8 +48,8 @@ pub(crate) fn answer(path: &str, headers: &HeaderMap) -> Response {
     tagged(asset.content_type, asset.bytes, headers)
 }
 
-/// The answer with a document that does not change while the server runs; 304 when
-/// `If-None-Match` names what it is.
+/// The answer with a document that is constant while the server runs; 304 when
+/// `If-None-Match` names its tag.
 pub(crate) fn tagged(
     content_type: &'static str,
     bytes: &'static [u8],

@@ -1,10 +1,10 @@
-//! The door: accepts connections, bounds them in total and per address, and serves HTTP/1.1.
+//! Connections: accepts them, limits them in total and per address, and serves HTTP/1.1.
 //!
-//! A connection has a deadline for its TLS handshake, for the headers of a request, for idling
-//! between requests, and for an answer that its reader does not take (`pace`). When the total
-//! or an address's share is reached, new connections are taken into a small reserve: health
-//! checks are answered there, other requests are refused, and the oldest of the reserve is
-//! closed for the next one. A stop lets requests under way finish.
+//! A connection has a deadline for its TLS handshake, for the headers of a request, for
+//! idling between requests, and for an answer that is not read (`pace`). When the total or an
+//! address's share is reached, new connections go into a small reserve: health checks are
+//! answered there, other requests are refused, and the oldest of the reserve is closed for
+//! the next one. A stop lets requests under way finish.
 
 mod bounds;
 mod connection;
@@ -39,14 +39,14 @@ use connection::Connection;
 use leftover::Asked;
 use pace::{Pace, Paced, Served};
 
-/// Headers of a request up to this many bytes are taken. The last read may add as many again:
-/// a connection's buffer has at most 64 kB. Chosen: browsers send at most 16 kB.
+/// Maximum bytes of a request's headers. The last read may add as many again: a connection's
+/// buffer has at most 64 kB. Chosen: browsers send at most 16 kB.
 const HEADER_BYTES: usize = 32 << 10;
 
-/// The pause after the system gave no connection, as when no file descriptor is free.
+/// Pause after the system refused a connection, for example without a free file descriptor.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 
-/// The other end of a connection.
+/// The peer of a connection.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Peer {
     /// Its address.
@@ -55,7 +55,7 @@ pub(crate) struct Peer {
     pub(crate) is_reserve: bool,
 }
 
-/// How long a connection may take for each step.
+/// Time limits of a connection's steps.
 #[derive(Clone, Copy, Debug)]
 pub struct Patience {
     /// A TLS handshake.
@@ -64,16 +64,16 @@ pub struct Patience {
     pub headers: Duration,
     /// The pause between two requests.
     pub idle: Duration,
-    /// A pause of a body while it arrives; and how long the rest of a body that nobody wants any
-    /// more may come in.
+    /// A pause of an incoming body; also the time in which the rest of an unneeded body may
+    /// arrive.
     pub body: Duration,
     /// A pause of a reader while its answer is sent.
     pub answer: Duration,
 }
 
 impl Default for Patience {
-    /// Chosen: a handshake and headers take well under a second on any network that robots use;
-    /// an idle connection outlives the minute between two touches; a reader that takes nothing
+    /// Chosen: a handshake and headers take well under a second on any network of robots; an
+    /// idle connection outlives the minute between two touches; a reader that takes nothing
     /// for half a minute is gone.
     fn default() -> Self {
         let seconds = Duration::from_secs;
@@ -87,7 +87,7 @@ impl Default for Patience {
     }
 }
 
-/// What every connection is served with.
+/// Common state of all connections.
 #[derive(Clone)]
 struct Desk {
     router: Router,
@@ -98,7 +98,7 @@ struct Desk {
 /// A listener for HTTP, or for HTTP through TLS.
 pub(crate) struct Door {
     pub(crate) listener: TcpListener,
-    /// What is shown to connections that come from now on; plain HTTP without.
+    /// TLS configuration of new connections; plain HTTP without.
     pub(crate) tls: Option<watch::Receiver<Arc<ServerConfig>>>,
     pub(crate) connections: Arc<Connections>,
     pub(crate) patience: Patience,
@@ -139,7 +139,7 @@ async fn stop(mut stopping: watch::Receiver<bool>) {
     let _ = stopping.wait_for(|stopping| *stopping).await;
 }
 
-/// Waits a moment when the system has no connection to give.
+/// Pauses when the system refuses a connection.
 async fn refuse(error: &io::Error) {
     use io::ErrorKind::{ConnectionAborted, ConnectionRefused, ConnectionReset};
     if !matches!(error.kind(), ConnectionAborted | ConnectionRefused | ConnectionReset) {
@@ -202,7 +202,7 @@ async fn serve(connection: Connection, peer: Peer, desk: Desk) {
         }
     });
     let mut builder = http1::Builder::new();
-    // Hyper's own deadline covers idling as well; that for headers alone is the pace's.
+    // Hyper's own deadline covers idling as well; the one for headers alone is in `pace`.
     builder
         .timer(TokioTimer::new())
         .header_read_timeout(patience.idle)

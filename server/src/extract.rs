@@ -1,5 +1,4 @@
-//! What handlers take out of requests: bodies, queries and path segments, with errors that
-//! name the field.
+//! Extractors of handlers: bodies, queries and path segments, with errors that name the field.
 //!
 //! The framework's own extractors answer in plain text; these answer with a [`Refusal`].
 
@@ -22,13 +21,13 @@ use crate::app::App;
 use crate::refusal::Refusal;
 pub(crate) use msgpack::parse as parse_msgpack;
 
-/// Longer bodies are parsed on the compute pool, in bytes: 1 ms is about 100 kB.
+/// Length in bytes above which bodies are parsed on the compute pool: 1 ms is about 100 kB.
 const PARSE_HERE_MAX: usize = 100_000;
 
 /// A JSON body.
 pub(crate) struct JsonBody<T>(pub(crate) T);
 
-/// A JSON body that may be left out.
+/// An optional JSON body.
 pub(crate) struct OptionalBody<T>(pub(crate) T);
 
 /// Readings in JSON or MessagePack.
@@ -46,7 +45,7 @@ pub(crate) struct Segment2(pub(crate) String, pub(crate) String);
 /// Three segments of the path.
 pub(crate) struct Segment3(pub(crate) String, pub(crate) String, pub(crate) String);
 
-/// A mesh file: its content type and its bytes.
+/// A mesh file: its content type and bytes.
 pub(crate) struct MeshBody {
     pub(crate) content_type: String,
     pub(crate) bytes: Bytes,
@@ -150,11 +149,11 @@ impl FromRequestParts<App> for Segment3 {
     }
 }
 
-/// The revision that a request's `If-Match` expects, as written by our `ETag`s.
+/// The revision in a request's `If-Match`, as written by our `ETag`s.
 ///
 /// # Errors
-/// [`Refusal::RevisionMissing`] without the header, [`Refusal::Invalid`] when it is not one
-/// of our tags.
+/// [`Refusal::RevisionMissing`] without the header, [`Refusal::Invalid`] when it is not one of our
+/// tags.
 pub(crate) fn if_match(headers: &HeaderMap) -> Result<u64, Refusal> {
     let value = headers.get(header::IF_MATCH).ok_or(Refusal::RevisionMissing)?;
     revision(headers, &header::IF_MATCH).ok_or_else(|| {
@@ -163,15 +162,15 @@ pub(crate) fn if_match(headers: &HeaderMap) -> Result<u64, Refusal> {
     })
 }
 
-/// The revision that a header names, if it does; for headers that may be ignored.
+/// The revision in a header, if valid; for headers that may be ignored.
 pub(crate) fn revision(headers: &HeaderMap, name: &HeaderName) -> Option<u64> {
     let text = headers.get(name)?.to_str().ok()?;
     text.trim().trim_start_matches("W/").trim_matches('"').parse().ok()
 }
 
-/// Parses JSON; a wrong value is named by a JSON pointer.
+/// Parses JSON; the error names an invalid value by a JSON pointer.
 pub(crate) fn parse<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Refusal> {
-    // Every body is an object; serde would take the values of an array for fields in order.
+    // Every body is an object; serde would accept the values of an array for fields in order.
     if bytes.trim_ascii_start().starts_with(b"[") {
         return Err(wrong_value(String::new(), "came an array, expected an object".to_owned()));
     }
@@ -198,11 +197,11 @@ async fn parsed<T: Send + 'static>(
     app.pool().place()?.run(move || parse(&bytes)).await?
 }
 
-/// What mandatory parameters of queries may be, for answers to requests without them.
+/// Permitted values of mandatory query parameters, for requests without them.
 const MANDATORY: [(&str, &str); 2] =
     [("unit", "m, cm, mm or in"), ("sessions", "ids of sessions, separated by commas")];
 
-/// The framework says "name: what is wrong" or names the field between backticks.
+/// The framework says "name: fault" or names the field between backticks.
 fn query_refusal(error: &QueryRejection) -> Refusal {
     let said = error.source().map_or_else(|| error.body_text(), ToString::to_string);
     let is_name = |name: &str| name.chars().all(|c| c.is_ascii_lowercase() || c == '_');
@@ -226,14 +225,14 @@ fn json_refusal(pointer: String, error: &serde_json::Error) -> Refusal {
     if is_value { wrong_value(pointer, detail) } else { malformed("JSON", pointer, detail) }
 }
 
-/// A body that can be read and has a wrong value at `pointer`, or misses one under it.
+/// The refusal of a readable body with an invalid value at `pointer`, or a missing one under it.
 fn wrong_value(pointer: String, detail: String) -> Refusal {
     let missing = named_field(&detail).filter(|_| detail.starts_with("missing field"));
     let pointer = missing.map_or(pointer.clone(), |name| format!("{pointer}/{name}"));
     Refusal::field(pointer, plain::words(&detail))
 }
 
-/// A body that cannot be read from `pointer` on.
+/// The refusal of a body that cannot be read from `pointer` on.
 fn malformed(format: &'static str, pointer: String, reason: String) -> Refusal {
     let errors = vec![FieldError { pointer, detail: reason.clone() }];
     Refusal::Malformed { format, reason, errors }

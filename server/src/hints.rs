@@ -1,8 +1,9 @@
-//! Readings and objects that are accepted and are probably a mistake: the wrong unit above all.
+//! Warnings about accepted readings and objects that are probably a mistake, above all a
+//! wrong unit.
 //!
-//! A pure judgement: what comes in was checked, what goes out changes nothing. Each warning has a
-//! code for programs and a sentence that names what was probably meant.
-//! Not here: what is refused (`wire::reading`), and who asks.
+//! Pure functions: the input was checked, and the output changes nothing. Each warning has a
+//! code for programs and a sentence with the probable intention. Not here: refusals
+//! (`wire::reading`).
 
 mod object;
 mod units;
@@ -20,25 +21,25 @@ use palpate_schemas::{Warning, WarningCode};
 pub(crate) use object::{Touched, of_catalogue, of_object};
 use units::{is_structured, meant};
 
-/// How far an arm reaches from the origin of its frame, metres. Chosen: the longest industrial
-/// arms reach 3 to 4 m.
+/// Reach of an arm from the origin of its frame, metres. Chosen: the longest industrial arms
+/// reach 3 to 4 m.
 const REACH: f64 = 5.0;
-/// Objects that are touched are smaller than this, metres. Chosen: a door or a table is 2 m, and
-/// what robots feel and turn is less.
+/// Largest plausible size of an object, metres. Chosen: a door or a table is 2 m, and objects
+/// that robots touch are smaller.
 pub(crate) const SIZE_LARGE: f64 = 2.0;
-/// Objects that are touched are larger than this, metres. Chosen: half the width of the smallest
+/// Smallest plausible size of an object, metres. Chosen: half the width of the smallest
 /// preset's array.
 pub(crate) const SIZE_SMALL: f64 = 0.005;
-/// Above this share of the saturation no sensor reads: noise and calibration add less. Chosen.
+/// Share of the saturation above which no sensor reads: noise and calibration add less. Chosen.
 const SATURATION_SHARE_MAX: f64 = 1.5;
-/// A contact below this share of the saturation is weak for a press. Chosen: twice the share from
-/// which a reading is a contact at all.
+/// Share of the saturation below which a press is weak. Chosen: twice the share from which a
+/// reading is a contact at all.
 const SATURATION_SHARE_LOW: f64 = 0.01;
-/// How many deviations of the noise below zero an untouched taxel may be. Derived: of 100 taxels
-/// one is beyond that in three of 1,000 images.
+/// Deviations of the noise by which an untouched taxel may be below zero. Derived: of 100
+/// taxels one is beyond that in three of 1,000 images.
 const TARE_DEVIATIONS: f64 = 4.0;
 
-/// What is probably a mistake in a reading, and in which of its fields.
+/// A probable mistake in a reading, and its field.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Hint {
     pub(crate) code: WarningCode,
@@ -51,11 +52,11 @@ pub(crate) struct Hint {
 pub(crate) struct Judged<'a> {
     pub(crate) reading: &'a Reading,
     pub(crate) sensor: &'a SensorDescription,
-    /// Where the sensor was, if that was said.
+    /// Pose of the sensor, if stated.
     pub(crate) pose: Option<Pose>,
 }
 
-/// What is probably a mistake in one reading.
+/// The probable mistakes in one reading.
 pub(crate) fn of_reading(judged: Judged<'_>) -> Vec<Hint> {
     let mut hints: Vec<Hint> = pressures(&judged)
         .into_iter()
@@ -65,9 +66,9 @@ pub(crate) fn of_reading(judged: Judged<'_>) -> Vec<Hint> {
     hints
 }
 
-/// What is probably a mistake in the readings of one request: at most one warning of a kind, at
-/// the first reading that it is about. All are of one object; `first` is where the object's or
-/// the session's first reading was, if there is one.
+/// The probable mistakes in the readings of one request: at most one warning of a kind, at
+/// the first reading concerned. All are of one object; `first` is the position of the
+/// object's or the session's first reading, if there is one.
 pub(crate) fn of_readings(readings: &[Judged<'_>], first: Option<DVec3>) -> Vec<Warning> {
     let position = |judged: &Judged<'_>| judged.pose.map(|pose| pose.translation);
     let first = first.or_else(|| readings.iter().find_map(position));
@@ -134,7 +135,7 @@ fn pressures(judged: &Judged<'_>) -> Vec<(WarningCode, String)> {
     found
 }
 
-/// An image that has a press's shape and no press's size.
+/// An image with the shape of a press and too small values.
 fn too_small(max: f64, floor: f64, sensor: &SensorDescription) -> String {
     format!(
         "the largest pressure is {} Pa, below the {} Pa from which this sensor feels anything, \
@@ -167,7 +168,7 @@ fn far(position: DVec3) -> Option<Hint> {
     Some(Hint { code, field: "/pose/position", detail })
 }
 
-/// A position that is too far from the first for both to touch one object.
+/// A position too far from the first for both to touch one object.
 fn apart(first: DVec3, here: DVec3) -> Option<Hint> {
     let distance = first.distance(here);
     (distance > SIZE_LARGE).then(|| Hint {

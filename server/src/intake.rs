@@ -1,8 +1,7 @@
-//! Bodies of readings from their bytes to what is stored and folded, without a server: for
-//! those who try hostile bytes on it.
+//! Readings from bytes to their stored and folded forms, without a server, for fuzzing.
 //!
-//! The steps are those of the handlers: parse, check against the sensor, make the entry of the
-//! journal and the reading that is folded.
+//! The steps are those of the handlers: parse, check against the sensor, make the entry of
+//! the journal and the reading to fold.
 
 use axum::response::IntoResponse;
 use palpate_schemas::AddReadings;
@@ -13,7 +12,7 @@ use crate::extract::{parse, parse_msgpack};
 use crate::services::sensors::Sensors;
 use crate::wire::reading::{check_size, from_store, readings};
 
-/// How a body is written.
+/// Encoding of a body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
     /// JSON.
@@ -22,25 +21,25 @@ pub enum Form {
     MessagePack,
 }
 
-/// Why a body was refused.
+/// A refused body.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Refused {
     /// The status of the answer.
     pub status: u16,
-    /// Its words.
+    /// Text of the answer.
     pub words: String,
 }
 
-/// Takes bodies of readings of the sensors that every server knows; nothing is stored.
+/// Accepts bodies of readings of the preset sensors; nothing is stored.
 pub struct Intake {
     sensors: Sensors,
 }
 
 impl Intake {
-    /// An intake of its own.
+    /// A new intake.
     ///
     /// # Panics
-    /// Never: a database in memory takes the presets.
+    /// Never: a database in memory accepts the presets.
     #[must_use]
     pub fn new() -> Self {
         let sensors = Sensors::new(Database::in_memory());
@@ -49,13 +48,13 @@ impl Intake {
         Self { sensors }
     }
 
-    /// Reads a body and gives how many readings it holds.
+    /// Reads a body and returns its number of readings.
     ///
     /// # Errors
-    /// [`Refused`], as a robot would read it.
+    /// [`Refused`], as a robot would receive it.
     ///
     /// # Panics
-    /// When what was accepted cannot be folded again from what would be stored.
+    /// When an accepted reading cannot be folded from its stored form.
     pub fn read(&self, form: Form, body: &[u8]) -> Result<usize, Refused> {
         let parsed: Result<AddReadings, _> = match form {
             Form::Json => parse(body),

@@ -1,6 +1,7 @@
-//! Sensors and their calibrations in memory: what a stored reading names is found here.
+//! Cache of sensors and calibrations, by the names and numbers in stored readings.
 //!
-//! Neither ever changes, so both are kept once they were read, a sensor until it is removed.
+//! Calibrations never change and sensors are immutable, so both stay cached, a sensor until
+//! its removal.
 
 use std::sync::Arc;
 
@@ -14,7 +15,7 @@ use uuid::Uuid;
 
 use crate::wire::reading::{Applied, Source};
 
-/// The sensors that were asked for, and their calibrations.
+/// The sensors in use, and their calibrations.
 pub(crate) struct KnownSensors {
     store: Database,
     sensors: DashMap<String, Arc<Sensor>>,
@@ -23,7 +24,7 @@ pub(crate) struct KnownSensors {
     newest: DashMap<Uuid, u32>,
 }
 
-/// A sensor or a calibration that a stored reading names cannot be found.
+/// A sensor or calibration of a stored reading does not exist.
 #[derive(Debug, Error)]
 pub(crate) enum UnknownSensor {
     #[error("there is no sensor {reference:?}")]
@@ -40,7 +41,7 @@ impl KnownSensors {
         Self { store, sensors, calibrations, newest: DashMap::new() }
     }
 
-    /// The sensor with an id or a name, if there is one.
+    /// The sensor with an id or a name, if any.
     pub(crate) fn find(&self, reference: &str) -> Result<Option<Arc<Sensor>>, StoreError> {
         let id = Uuid::parse_str(reference).ok();
         let key = id.map_or_else(|| reference.to_owned(), |id| id.to_string());
@@ -65,18 +66,18 @@ impl KnownSensors {
         self.find(reference)?.ok_or_else(unknown)
     }
 
-    /// Forgets a sensor that was removed.
+    /// Drops a removed sensor.
     pub(crate) fn forget(&self, sensor: Uuid) {
         self.sensors.retain(|_, known| known.id != sensor);
     }
 
-    /// The sensor that new readings come from, with the calibration that applies to them.
+    /// The sensor of new readings, with its present calibration.
     pub(crate) fn source(&self, sensor: Arc<Sensor>) -> Result<Source, UnknownSensor> {
         let applied = self.newest(sensor.id)?;
         Ok(Source { sensor, applied })
     }
 
-    /// The calibration that applies to readings of a sensor that come now.
+    /// The calibration for new readings of a sensor.
     pub(crate) fn newest(&self, sensor: Uuid) -> Result<Option<Applied>, UnknownSensor> {
         let known = self.newest.get(&sensor).map(|number| *number);
         let number = match known {
@@ -84,14 +85,14 @@ impl KnownSensors {
             None => {
                 let latest = self.store.calibrations().latest(sensor)?;
                 let number = latest.map_or(0, |latest| latest.number);
-                // A calibration that was added meanwhile is newer than what was read.
+                // A calibration added in the meantime is newer.
                 *self.newest.entry(sensor).or_insert(number)
             }
         };
         Ok(self.calibration(sensor, number)?.map(|calibration| Applied { number, calibration }))
     }
 
-    /// The calibration that a stored reading names by its number; 0 is none.
+    /// The calibration with the number in a stored reading; 0 is none.
     pub(crate) fn calibration(
         &self,
         sensor: Uuid,
@@ -110,7 +111,7 @@ impl KnownSensors {
         Ok(Some(calibration))
     }
 
-    /// Notes the number of a calibration that was added.
+    /// Registers the number of a new calibration.
     pub(crate) fn added(&self, sensor: Uuid, number: u32) {
         let newest = self.newest.entry(sensor);
         newest.and_modify(|newest| *newest = number.max(*newest)).or_insert(number);

@@ -1,35 +1,35 @@
-//! What a bound looks like to a client: the headers `RateLimit` and `RateLimit-Policy` (IETF
-//! draft, httpapi working group), and `Retry-After`.
+//! Limits as clients see them: the headers `RateLimit` and `RateLimit-Policy` (IETF draft,
+//! httpapi working group), and `Retry-After`.
 
 use std::time::Duration;
 
 use axum::http::{HeaderName, HeaderValue, header};
 
-/// The state of one bound, as the client that meets it is told.
+/// State of a limit, for the client that meets it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Bound {
-    /// What is bounded.
+    /// The limited resource.
     pub(crate) name: &'static str,
-    /// What is counted: `requests`, or another unit of the draft or of ours.
+    /// Unit: `requests`, or another unit of the draft or of ours.
     pub(crate) unit: &'static str,
-    /// How much there may be.
+    /// Maximum amount.
     pub(crate) limit: u64,
-    /// The time in which there may be so much; `None` for what is held at once.
+    /// Time window of the amount; `None` for concurrent use.
     pub(crate) window: Option<Duration>,
-    /// How much is left.
+    /// Remaining amount.
     pub(crate) left: u64,
-    /// When there will be more.
+    /// Time until there will be more.
     pub(crate) reset: Duration,
 }
 
 impl Bound {
-    /// A bound on what is held at once, which is used up; in a second things look different.
+    /// An exhausted limit on concurrent use; a retry after a second may succeed.
     pub(crate) fn used_up(name: &'static str, unit: &'static str, limit: usize) -> Self {
         let reset = Duration::from_secs(1);
         Self { name, unit, limit: limit as u64, window: None, left: 0, reset }
     }
 
-    /// The headers that say it.
+    /// The headers of the limit.
     pub(crate) fn headers(&self) -> [(HeaderName, HeaderValue); 2] {
         let Self { name, unit, limit, left, .. } = self;
         let window = self.window.map_or(String::new(), |window| format!(";w={}", seconds(window)));
@@ -50,7 +50,7 @@ pub(crate) fn megabytes(bytes: u64) -> String {
     format!("{:.3} MB", bytes as f64 / 1e6)
 }
 
-/// The header that says when to ask again, in whole seconds and never at once.
+/// The header with the time of a retry, in whole seconds and at least one.
 pub(crate) fn retry_after(wait: Duration) -> (HeaderName, HeaderValue) {
     (header::RETRY_AFTER, HeaderValue::from(seconds(wait)))
 }
@@ -65,7 +65,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn headers_are_written_as_the_draft_has_them() {
+    fn headers_follow_the_draft() {
         let bound = Bound {
             name: "requests",
             unit: "requests",

@@ -1,8 +1,9 @@
-//! One session in memory: its belief, how far it is folded, and who follows it.
+//! One session in memory: its belief, the folded part of its journal, and its followers.
 //!
-//! The belief is a function of the set of the readings that are not withdrawn: they are folded
-//! in one order, whatever order they came in. Whoever needs the belief folds what is missing, on
-//! the compute pool; if that panics nothing is in memory, and the next one to ask folds anew.
+//! The belief is a function of the set of readings that are not withdrawn: they are folded in
+//! one order, whatever their order of arrival. A request that needs the belief folds the
+//! missing readings on the compute pool. If that panics, the memory is dropped and the next
+//! request folds everything again.
 
 mod account;
 mod adding;
@@ -57,17 +58,17 @@ use state::State;
 pub(crate) use status::status;
 use turns::Turns;
 
-/// Folding more readings than this gives way to what other robots wait for. Chosen: a batch of an
-/// arm's ten touches never does; a session that is folded anew from its journal may.
+/// Number of readings above which folding yields to other robots' work. Chosen: a batch of an
+/// arm's ten touches never does; a session folded from its journal may.
 const SHORT_READINGS_MAX: usize = 32;
 
-/// How many events a slow follower may lag behind before it misses some.
+/// Number of events by which a slow follower may lag before it misses some.
 const EVENTS_MAX: usize = 16;
 
-/// Pose hypotheses of an answer when the request does not say.
+/// Default number of pose hypotheses in an answer.
 pub(crate) const POSES: usize = 5;
 
-/// What an entry needs to do its work.
+/// The services that an entry uses.
 pub(crate) struct Tools<'a> {
     pub(crate) store: &'a Database,
     pub(crate) sensors: &'a Arc<KnownSensors>,
@@ -87,7 +88,7 @@ pub(crate) struct Live {
     first_pose: OnceLock<Option<Pose>>,
 }
 
-/// What a session has in memory besides its belief, about: itself and its channel of events.
+/// Approximate memory of a session besides its belief: itself and its channel of events.
 const ENTRY_BYTES: usize = size_of::<Live>() + EVENTS_MAX * size_of::<SessionEvent>();
 
 impl Live {
@@ -118,8 +119,7 @@ impl Live {
         self.events.subscribe()
     }
 
-    /// Gives its belief's memory back, unless somebody works with it at this moment; whoever
-    /// needs the belief again folds it anew.
+    /// Drops the belief from memory, unless it is in use; a later request folds it again.
     pub(crate) fn forget(&self) {
         if let Some(mut state) = self.turns.try_take() {
             *state = State::default();
@@ -137,17 +137,17 @@ impl Live {
         self.account.set(ENTRY_BYTES + state.bytes());
     }
 
-    /// Tells everybody who follows the session; nobody has to.
+    /// Notifies all followers of the session, if any.
     pub(crate) fn publish(&self, event: SessionEvent) {
         let _ = self.events.send(event);
     }
 
-    /// Refuses readings that the session's method cannot fold: none of them is stored.
+    /// Refuses readings that the session's method cannot fold; none of them is stored.
     pub(crate) fn check(&self, readings: &[Incoming]) -> Result<(), Refusal> {
         check(&self.session, &self.model, readings)
     }
 
-    /// The belief after what was just stored, for whoever sent it and those who follow.
+    /// The belief after stored readings, for their sender and the followers.
     async fn renew(
         &self,
         state: &mut State,
@@ -163,7 +163,7 @@ impl Live {
         Ok(belief)
     }
 
-    /// The belief as it is now; `None` when its revision is known.
+    /// The present belief; `None` when its revision is known.
     pub(crate) async fn belief(
         &self,
         tools: &Tools<'_>,
@@ -182,8 +182,8 @@ impl Live {
         Ok(Some(self.shown(length, &answer)))
     }
 
-    /// How probable each coordinate of an object's pose is (of the likeliest object if none
-    /// is named); `None` when the revision is known.
+    /// The distribution of each coordinate of an object's pose (the likeliest object's if
+    /// none is named); `None` when the revision is known.
     pub(crate) async fn marginals(
         &self,
         tools: &Tools<'_>,
@@ -216,7 +216,7 @@ impl Live {
         Refusal::NotFound { what: "session", reference: self.session.id.to_string() }
     }
 
-    /// A place to compute. Without a belief to answer it is taken only for those who follow.
+    /// A slot to compute. Without a belief to answer it is taken only for followers.
     fn place(&self, tools: &Tools<'_>, detail: BeliefDetail) -> Result<Option<Place>, Refusal> {
         match detail {
             BeliefDetail::Full | BeliefDetail::Top => Ok(Some(tools.pool.place()?)),
@@ -225,7 +225,7 @@ impl Live {
         }
     }
 
-    /// Folds the entries up to `length` into the belief, and asks it something.
+    /// Folds the entries up to `length` into the belief, and evaluates a question on it.
     async fn ask<T: Send + 'static>(
         &self,
         state: &mut State,
@@ -251,7 +251,7 @@ impl Live {
         };
         let answer = match place.run_as(work_length, work).await {
             Ok((memory, answer)) => {
-                // What was folded before its asker left is kept.
+                // The part folded before its asker left is kept.
                 if matches!(answer, Ok(_) | Err(Refusal::Compute(ComputeError::Stopped))) {
                     state.memory = memory;
                 }
@@ -281,7 +281,7 @@ impl Live {
         Ok(ObjectIdx(found as u32))
     }
 
-    /// Whether folding so many entries gives way to what other robots wait for.
+    /// Whether folding this many entries yields to other robots' work.
     fn length_of(&self, missing: usize, folding: &Folding) -> Length {
         let is_long = missing > SHORT_READINGS_MAX || folding.method.is_geometric();
         if is_long { Length::Long } else { Length::Short }
@@ -301,8 +301,8 @@ impl Live {
         }
     }
 
-    /// Stores the belief as it is, so that a restart need not fold it again; nobody may work
-    /// with it. Blocks.
+    /// Stores the present belief, so that a restart need not fold it again; it must not be in
+    /// use. Blocks.
     pub(crate) fn store(&self, tools: &Tools<'_>) {
         if let Some(mut state) = self.turns.try_take() {
             self.folding(tools, Vec::new()).store(&mut state.memory, 1);

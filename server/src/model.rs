@@ -15,19 +15,19 @@ use palpate_store::model_codec::ModelPart;
 use thiserror::Error;
 use uuid::Uuid;
 
-/// A version that can recognise: the part of it that a method needs, or all parts.
+/// A loaded version: the part that a method needs, or all parts.
 pub(crate) struct Model {
     pub(crate) catalogue: Uuid,
     pub(crate) name: String,
     pub(crate) version: u32,
     pub(crate) core: Arc<TrainedModel>,
     pub(crate) objects: Vec<VersionObject>,
-    /// Where each object's frame has its origin in the frame that it was taught in, metres.
+    /// Origin of each object's frame in its training frame, metres.
     pub(crate) origins_in_model: Arc<[DVec3]>,
-    /// The symmetries of its objects; empty where no method of the part answers poses modulo
+    /// The symmetries of its objects; empty where no method of the part reports poses modulo
     /// symmetry.
     pub(crate) symmetries: Arc<[Symmetry]>,
-    /// What sessions by geometry share.
+    /// Geometry shared by sessions.
     pub(crate) prepared: Option<PreparedGeometry>,
 }
 
@@ -41,17 +41,17 @@ pub(crate) struct NoPart {
 }
 
 impl Model {
-    /// The geometry of its objects with what sessions look up in it.
+    /// The geometry of its objects with the look-up tables of sessions.
     pub(crate) fn prepared(&self) -> Result<&PreparedGeometry, NoPart> {
         self.prepared.as_ref().ok_or_else(|| self.lacks(ModelPart::Geometric))
     }
 
-    /// What the version knows of its objects' geometry.
+    /// The geometry of its objects.
     pub(crate) fn geometric(&self) -> Result<&Arc<GeometricModel>, NoPart> {
         self.core.geometric.as_ref().ok_or_else(|| self.lacks(ModelPart::Geometric))
     }
 
-    /// What the version knows of its objects' appearance.
+    /// The appearance of its objects.
     pub(crate) fn appearance(&self) -> Result<&Arc<AppearanceModel>, NoPart> {
         self.core.appearance.as_ref().ok_or_else(|| self.lacks(ModelPart::Appearance))
     }
@@ -61,7 +61,7 @@ impl Model {
         self.core.surface.as_ref().ok_or_else(|| self.lacks(ModelPart::Surface))
     }
 
-    /// The maps of pairs of touches, one an object.
+    /// The maps of pairs of touches, one per object.
     pub(crate) fn sva(&self) -> Result<&[Arc<ObjectMap>], NoPart> {
         let maps = self.core.sva.objects.as_slice();
         if maps.len() == self.objects.len() {
@@ -70,7 +70,7 @@ impl Model {
         Err(self.lacks(ModelPart::Sva))
     }
 
-    /// The place of an object among the model's, by its id or its name when it was trained.
+    /// The index of an object in the model, by its id or its name in training.
     pub(crate) fn find(&self, reference: &str) -> Option<usize> {
         match Uuid::parse_str(reference) {
             Ok(id) => self.objects.iter().position(|object| object.id == id),
@@ -83,7 +83,7 @@ impl Model {
     }
 }
 
-/// A part's name for people and metrics.
+/// The name of a part for people and metrics.
 pub(crate) fn part_name(part: ModelPart) -> &'static str {
     match part {
         ModelPart::Sva => "sva",
@@ -93,7 +93,7 @@ pub(crate) fn part_name(part: ModelPart) -> &'static str {
     }
 }
 
-/// What a version without a part lacks, and what to do about it.
+/// The missing part of a version, and the remedy, in words.
 fn lacking(part: ModelPart) -> &'static str {
     match part {
         ModelPart::Sva => {

@@ -1,9 +1,9 @@
-//! The API's description: made from the routes, finished here, committed in
+//! The API's description: made from the routes, completed here, committed in
 //! `schemas/openapi.json`.
 //!
-//! Every operation gets the answers that any may give: problems with its path, its body and
-//! its query, and a server that is busy or at fault. A test fails when the committed file
-//! drifts; `UPDATE_OPENAPI=1 cargo test -p palpate-server openapi` rewrites it.
+//! Every operation gets the common answers: problems with its path, its body and its query,
+//! and an overloaded or failing server. A test fails when the committed file differs;
+//! `UPDATE_OPENAPI=1 cargo test -p palpate-server openapi` rewrites it.
 
 mod examples;
 #[cfg(any(test, not(feature = "swagger")))]
@@ -25,7 +25,7 @@ use crate::problem::CONTENT_TYPE;
 use crate::roles::{self, Rule, Who};
 use crate::routes;
 
-/// What the description calls keys.
+/// Name of the security scheme.
 const SCHEME: &str = "key";
 const KEY: &str = "An API key, `palpate_…`, if the server requires one. `x-palpate-roles` of \
     an operation lists the roles that may call it; operations without it need no key.";
@@ -112,7 +112,7 @@ fn operations(item: &mut PathItem) -> impl Iterator<Item = (&'static str, &mut O
     .filter_map(|(method, operation)| Some((method, operation.as_mut()?)))
 }
 
-/// Says which roles may call an operation; nothing of one that the table does not know.
+/// Adds the permitted roles of an operation; nothing for an unknown one.
 fn add_roles(operation: &mut Operation) {
     let rule = operation.operation_id.as_deref().and_then(roles::rule);
     let Some(Rule { who: Who::Holders(roles), .. }) = rule else { return };
@@ -125,7 +125,7 @@ fn add_roles(operation: &mut Operation) {
     responses.insert("403".to_owned(), problem(&needed));
 }
 
-/// What is made has a path, and the answer says which.
+/// Adds the header `Location` to the answers of creating operations.
 fn add_location(operation: &mut Operation) {
     for made in ["201", "202"] {
         if let Some(RefOr::T(response)) = operation.responses.responses.get_mut(made) {
@@ -175,7 +175,7 @@ fn add_problems(operation: &mut Operation, writes: bool) {
     }
 }
 
-/// What answers over a bound say of it; `RateLimit` is missing where there is no single bound.
+/// The headers of answers over a limit; `RateLimit` is missing where there is no single limit.
 fn bound_headers() -> impl Iterator<Item = (String, RefOr<Header>)> {
     let headers = [
         ("Retry-After", "Whole seconds to wait; absent if waiting does not help"),
@@ -205,7 +205,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_committed_openapi_document_is_what_the_server_serves() {
+    fn the_committed_description_is_the_served_one() {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../schemas/openapi.json");
         if std::env::var_os("UPDATE_OPENAPI").is_some() {
             std::fs::write(path, text()).unwrap();
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn every_operation_has_what_generators_need() {
+    fn operations_have_everything_that_generators_need() {
         let mut document = document();
         assert!(document.info.license.is_some() && document.servers.is_some());
         let mut ids = BTreeSet::new();
@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn every_reference_leads_somewhere() {
+    fn every_reference_resolves() {
         let json = serde_json::to_value(document()).unwrap();
         let mut found = BTreeSet::new();
         references(&json, &mut found);
@@ -329,7 +329,7 @@ mod tests {
     }
 
     #[test]
-    fn the_examples_of_requests_are_shown() {
+    fn examples_of_requests_are_included() {
         let json = serde_json::to_value(document()).unwrap();
         let request = &json["paths"]["/v1/sessions"]["post"]["requestBody"]["content"];
         assert_eq!(request["application/json"]["example"]["frame_id"], "base_link");

@@ -1,7 +1,7 @@
-//! Errors as HTTP: the only place that knows statuses. RFC 9457, whatever went wrong.
+//! Errors as HTTP, in the form of RFC 9457: the only place that knows statuses.
 //!
-//! A handler's [`Refusal`] becomes a draft that rides on the response; [`finish`], the last
-//! to see it, adds path and request id and writes the body. Errors of the framework carry no
+//! A handler's [`Refusal`] becomes a draft in the response's extensions; [`finish`], the last
+//! layer, adds path and request id and writes the body. Errors of the framework carry no
 //! draft and get one by their status.
 
 use std::time::Duration;
@@ -24,12 +24,12 @@ use crate::wire::object::FormatError;
 /// The content type of every error.
 pub(crate) const CONTENT_TYPE: &str = "application/problem+json";
 
-/// How long a robot waits before it asks an overloaded server again.
+/// Time after which a robot may retry a request to an overloaded server.
 const RETRY_AFTER: Duration = Duration::from_secs(1);
-/// How long it waits at most for a session to end.
+/// Maximum time after which a robot may retry when there are too many sessions.
 const SESSION_WAIT: Duration = Duration::from_secs(10);
 
-/// A problem before it knows its request.
+/// A problem without its request.
 #[derive(Clone, Debug)]
 struct Draft {
     kind: ProblemType,
@@ -59,15 +59,15 @@ impl IntoResponse for Refusal {
     }
 }
 
-/// When to ask again; `None` when that would not help.
+/// Time of a retry; `None` when a retry would not help.
 fn wait(refusal: &Refusal, kind: ProblemType) -> Option<Duration> {
     match (refusal, kind) {
-        // No waiting makes a model smaller.
+        // Waiting does not make a model smaller.
         (Refusal::ModelTooLarge { .. }, _) => None,
         (Refusal::RateExceeded { wait, .. } | Refusal::FailuresExceeded { wait, .. }, _) => {
             Some(*wait)
         }
-        // Sessions are closed all the time: it is worth to look sooner.
+        // Sessions are closed all the time, so an earlier retry is worthwhile.
         (Refusal::SessionsFull { wait, .. }, _) => {
             Some(wait.unwrap_or(SESSION_WAIT).min(SESSION_WAIT))
         }
@@ -78,7 +78,7 @@ fn wait(refusal: &Refusal, kind: ProblemType) -> Option<Duration> {
     }
 }
 
-/// The bound that was met, where there is one.
+/// The limit that was exceeded, if any.
 fn bound(refusal: &Refusal) -> Option<Bound> {
     Some(match refusal {
         Refusal::RateExceeded { bound, .. } | Refusal::FailuresExceeded { bound, .. } => *bound,
@@ -110,7 +110,7 @@ fn bound(refusal: &Refusal) -> Option<Bound> {
     })
 }
 
-/// The headers that some refusals come with.
+/// Further headers of some refusals.
 fn headers(refusal: &Refusal) -> Option<(HeaderName, HeaderValue)> {
     match refusal {
         Refusal::Unauthenticated(KeyFault::Missing) => {
@@ -129,7 +129,7 @@ fn headers(refusal: &Refusal) -> Option<(HeaderName, HeaderValue)> {
     }
 }
 
-/// Gives an error its body; other responses pass.
+/// Adds the body of an error; other responses pass unchanged.
 pub(crate) fn finish(response: Response, path: &str, request_id: &str) -> Response {
     let found = response.status();
     if !(found.is_client_error() || found.is_server_error()) {

@@ -13,7 +13,7 @@ pub(crate) fn measure() {
     }
 }
 
-/// What can be read now, by the names that Prometheus clients share.
+/// The readable figures, by the names that Prometheus clients share.
 fn figures() -> Vec<(&'static str, f64)> {
     let read = |file: &str| fs::read_to_string(format!("/proc/{file}")).unwrap_or_default();
     let (status, limits, stat) = (read("self/status"), read("self/limits"), read("self/stat"));

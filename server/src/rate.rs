@@ -1,6 +1,6 @@
-//! How often each client may ask: its key's share where keys are asked for, else its address's.
+//! Rate limit of each client, by its key or, without keys, its address.
 //!
-//! Bounds on the whole server (`admission`, `compute`) protect it from all clients together;
+//! Limits of the whole server (`admission`, `compute`) protect it from all clients together;
 //! this one protects clients from each other. It is off unless the operator sets it.
 
 use std::num::NonZeroU32;
@@ -14,7 +14,7 @@ use governor::{Quota, RateLimiter};
 use crate::client::Client;
 use crate::limits::Bound;
 
-/// So many clients are remembered before those are forgotten that have been quiet.
+/// Number of remembered clients above which quiet ones are forgotten.
 const CLIENTS_REMEMBERED: usize = 10_000;
 
 /// The shares of all clients.
@@ -28,13 +28,13 @@ type Limiter =
     RateLimiter<Client, DashMapStateStore<Client>, DefaultClock, StateInformationMiddleware>;
 
 impl Rates {
-    /// `per_second` requests a second each; a client that was quiet may ask for as many at once.
+    /// `per_second` requests per second each; a quiet client may send as many at once.
     pub(crate) fn new(per_second: NonZeroU32) -> Self {
         let limiter = RateLimiter::dashmap(Quota::per_second(per_second)).with_middleware();
         Self { limiter, per_second, clock: DefaultClock::default() }
     }
 
-    /// Takes one request of a client's share: how many are left, or how long to wait.
+    /// Takes one request from a client's share: the number left, or the time to wait.
     pub(crate) fn take(&self, client: Client) -> Result<u32, Duration> {
         if self.limiter.len() > CLIENTS_REMEMBERED {
             self.limiter.retain_recent();
@@ -45,7 +45,7 @@ impl Rates {
         }
     }
 
-    /// The bound as a client is told of it.
+    /// The limit as reported to a client.
     pub(crate) fn bound(&self, left: u32, reset: Duration) -> Bound {
         Bound {
             name: "requests",
@@ -65,7 +65,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_client_has_a_share_of_its_own() {
+    fn each_client_has_its_own_share() {
         let rates = Rates::new(NonZeroU32::new(3).unwrap());
         let [a, b] = [1, 2].map(|n| Client::Key(Uuid::from_u128(n)));
         assert_eq!([rates.take(a), rates.take(a), rates.take(a)], [Ok(2), Ok(1), Ok(0)]);

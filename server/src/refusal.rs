@@ -18,7 +18,7 @@ use crate::wire::object::FormatError;
 use crate::wire::{Invalid, training};
 use crate::{roles, wire};
 
-/// Why a request was refused.
+/// Reason for which a request was refused.
 #[derive(Debug, Error)]
 pub(crate) enum Refusal {
     #[error("there is no {what} {reference:?}")]
@@ -202,7 +202,7 @@ pub(crate) enum Refusal {
     Panicked,
 }
 
-/// Why a request is not let in.
+/// Reason of a refused request.
 #[derive(Clone, Debug, Error)]
 pub(crate) enum KeyFault {
     #[error("this server requires an API key: send it as `Authorization: Bearer palpate_…`")]
@@ -220,7 +220,7 @@ pub(crate) enum KeyFault {
 }
 
 impl KeyFault {
-    /// The key that was meant, where the secret proves it.
+    /// The key meant by the request, if the secret proves it.
     pub(crate) fn key(&self) -> Option<&AccessKey> {
         match self {
             Self::Missing | Self::NotAKey | Self::Unknown => None,

@@ -1,8 +1,8 @@
-//! Retries: a reading that came already is not counted twice.
+//! Repeated readings, which count once.
 //!
-//! A robot and its sequence number identify a reading. The same content again is a retry and
-//! changes nothing; other content under the same number is a conflict. Two readings of one
-//! request that share a number are one if they are equal, else one of the numbers is wrong.
+//! A robot and its sequence number identify a reading. Equal content under the same number is
+//! a retry and changes nothing; other content is a conflict. Two readings of one request with
+//! the same number are one if they are equal, otherwise one of the numbers is wrong.
 
 use std::collections::HashMap;
 
@@ -13,7 +13,7 @@ use crate::refusal::Refusal;
 use crate::wire::Invalid;
 use crate::wire::reading::Incoming;
 
-/// The readings that are new. `stored` looks up what is stored under a robot's number.
+/// The new readings. `stored` looks up the reading stored under a robot's number.
 pub(crate) fn new_readings(
     readings: &[Incoming],
     stored: impl Fn(&ReadingId) -> Result<Option<StoredReading>, Refusal>,
@@ -47,7 +47,7 @@ pub(crate) fn new_readings(
     Ok(new)
 }
 
-/// Two readings of one request under one number, with different content.
+/// The refusal of two different readings of one request under one number.
 fn twice(id: &ReadingId, first: usize, second: usize) -> Refusal {
     let ReadingId { robot, seq } = id;
     let error = |index: usize, other: usize| FieldError {

@@ -1,42 +1,42 @@
-//! Which role may call which operation: the one table that says so.
+//! The table of roles and the operations that they may call.
 //!
-//! Operations are named by their ids in the API's description. One that is not in the table
-//! may be called by nobody where keys are asked for, and a test fails. The description is made
-//! from this table (`x-palpate-roles`, 401, 403), so it cannot say anything else.
+//! Operations are named by their ids in the API's description. With keys, an operation
+//! outside the table is refused, and a test fails. The description is made from this table
+//! (`x-palpate-roles`, 401, 403), so the two always agree.
 
 use std::collections::BTreeMap;
 
 use axum::http::Method;
 use palpate_schemas::Role::{self, Admin, Robot, Trainer, Viewer};
 
-/// Who may call an operation, and what it does.
+/// The permitted callers of an operation, and its effect.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rule {
-    /// The operation's id.
+    /// Id of the operation.
     pub(crate) operation: &'static str,
-    /// Who may call it.
+    /// Permitted callers.
     pub(crate) who: Who,
-    /// What it does to what is stored.
+    /// Effect on stored data.
     pub(crate) effect: Effect,
 }
 
-/// Who may call an operation.
+/// Permitted callers of an operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Who {
-    /// Everybody, also without a key.
+    /// Every caller, also without a key.
     Anybody,
-    /// Who has a key with one of these roles.
+    /// Holders of a key with one of these roles.
     Holders(&'static [Role]),
 }
 
-/// What an operation does to what is stored.
+/// Effect of an operation on stored data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Effect {
-    /// Nothing.
+    /// None.
     Reads,
-    /// It adds readings of sessions, whose journal says who sent what.
+    /// Adds readings of sessions, whose journal records the senders.
     Touches,
-    /// It changes something, and goes into the audit log.
+    /// Changes something, and is recorded in the audit log.
     Changes,
 }
 
@@ -49,7 +49,7 @@ pub(crate) const RULING: Who = Who::Holders(&[Admin]);
 
 use Effect::{Changes, Reads, Touches};
 
-/// A new operation gets its line here.
+/// A new operation needs a line here.
 pub(crate) const TABLE: &[(&str, Who, Effect)] = &[
     ("livez", ANYBODY, Reads),
     ("readyz", ANYBODY, Reads),
@@ -125,14 +125,14 @@ pub(crate) const TABLE: &[(&str, Who, Effect)] = &[
     ("compact", RULING, Changes),
 ];
 
-/// What a request asks for, as far as the table knows.
+/// The operation of a request, according to the table.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Asked {
     /// An operation of the table.
     Operation(Rule),
-    /// A path of the description, with a method that it does not have there.
+    /// A path of the description, with a method that it does not have.
     OtherMethod,
-    /// Something that the description or the table does not know.
+    /// A path or operation that the description or the table does not have.
     Unlisted,
 }
 
@@ -156,10 +156,10 @@ impl Operations {
         Self(paths)
     }
 
-    /// What is asked for with `method` at a path as routes write it, `/v1/objects/{object}`.
+    /// The operation of `method` at a route's path, `/v1/objects/{object}`.
     pub(crate) fn asked(&self, method: &Method, path: &str) -> Asked {
         let Some(methods) = self.0.get(path) else { return Asked::Unlisted };
-        // What can be got can be asked for its headers alone.
+        // Every GET also answers HEAD.
         let method = if method == Method::HEAD { &Method::GET } else { method };
         match methods.get(method.as_str()) {
             Some(operation) => rule(operation).map_or(Asked::Unlisted, Asked::Operation),
@@ -167,7 +167,7 @@ impl Operations {
         }
     }
 
-    /// The methods of a path as the header `Allow` lists them.
+    /// The methods of a path, as in the header `Allow`.
     pub(crate) fn methods(&self, path: &str) -> String {
         let methods: Vec<_> =
             self.0.get(path).into_iter().flat_map(BTreeMap::keys).copied().collect();
@@ -176,7 +176,7 @@ impl Operations {
     }
 }
 
-/// Roles as a sentence lists them.
+/// Roles as a list in a sentence.
 pub(crate) fn listed(roles: &[Role]) -> String {
     roles.iter().map(|role| name(*role)).collect::<Vec<_>>().join(", ")
 }

@@ -26,7 +26,7 @@ pub(crate) fn router(app: App) -> Router {
         .layer(from_fn_with_state(app.clone(), admit))
         .layer(from_fn_with_state(app.clone(), share))
         .layer(from_fn_with_state(app.clone(), guard));
-    // Browsers ask without a key whether a page may ask at all.
+    // Browsers send preflight requests without a key.
     let shared = match cors(&app.config().cors_origins) {
         Some(cors) => guarded.layer(cors),
         None => guarded,

@@ -1,5 +1,5 @@
-//! What can be asked of the service, resource by resource. Each handler finds, parses, does
-//! and answers; everything else lives behind it.
+//! The operations of the API, resource by resource. Each handler finds, parses, does and
+//! answers; everything else lives behind it.
 
 pub(crate) mod analyses;
 pub(crate) mod audit;

@@ -1,7 +1,7 @@
 //! A key as it is sent: `palpate_`, the key's id, `_`, 256 random bits; digits hexadecimal.
 //!
-//! The prefix lets scanners of repositories and logs find keys that leaked; the id says which
-//! one to revoke. The bits come from the operating system.
+//! The prefix lets scanners of repositories and logs find leaked keys; the id says which one
+//! to revoke. The bits come from the operating system.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
@@ -9,16 +9,16 @@ use std::fmt::Write as _;
 use uuid::Uuid;
 
 const PREFIX: &str = "palpate_";
-/// Bytes of the random part.
+/// Number of bytes of the random part.
 const SECRET_BYTES: usize = 32;
-/// Digits of an id.
+/// Number of digits of an id.
 const ID_DIGITS: usize = 32;
-/// Bytes of a key as it is sent.
+/// Length of a key as it is sent.
 const SENT_BYTES: usize = PREFIX.len() + ID_DIGITS + 1 + 2 * SECRET_BYTES;
-/// What stands where a key stood.
+/// Replacement of a redacted key.
 const REDACTED: &str = "palpate_(a key)";
 
-/// A key as it was sent: which one it claims to be, and the proof.
+/// A key as received: the claimed id, and the proof.
 pub(crate) struct Presented {
     pub(crate) id: Uuid,
     pub(crate) hash: [u8; 32],
@@ -38,7 +38,7 @@ pub(crate) fn draw(id: Uuid) -> Result<(String, [u8; 32]), getrandom::Error> {
     Ok((sent, hash(&secret)))
 }
 
-/// The key in the text of a bearer token, if the text is written like one.
+/// The key in the text of a bearer token, if the text has the form of one.
 pub(crate) fn parse(sent: &str) -> Option<Presented> {
     let (id, secret) = sent.strip_prefix(PREFIX)?.split_once('_')?;
     if id.len() != ID_DIGITS || secret.len() != 2 * SECRET_BYTES {
@@ -51,8 +51,8 @@ pub(crate) fn parse(sent: &str) -> Option<Presented> {
     Some(Presented { id: Uuid::try_parse(id).ok()?, hash: hash(&bytes) })
 }
 
-/// The text without secrets in it: where it has something that is written like a key, what proves
-/// it is left out. A request that names a secret by mistake is answered and logged without it.
+/// The text with the secret part of any key in it removed. A request that contains a secret
+/// by mistake is answered and logged without it.
 pub(crate) fn redacted(text: &str) -> Cow<'_, str> {
     let Some(mut at) = find(text, 0) else { return Cow::Borrowed(text) };
     let (mut shown, mut from) = (String::with_capacity(text.len()), 0);
@@ -69,12 +69,12 @@ pub(crate) fn redacted(text: &str) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
-/// Whether a text has something in it that is written like a key.
+/// Whether a text contains the form of a key.
 pub(crate) fn is_in(text: &str) -> bool {
     find(text, 0).is_some()
 }
 
-/// Where something that is written like a key begins, from a byte on.
+/// Start of the first text in the form of a key, from a byte on.
 fn find(text: &str, from: usize) -> Option<usize> {
     let candidates = text[from..].match_indices(PREFIX).map(|(at, _)| from + at);
     let is_hex = |part: &[u8]| part.iter().all(u8::is_ascii_hexdigit);
@@ -102,7 +102,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_drawn_is_understood_and_never_drawn_twice() {
+    fn drawn_secrets_parse_and_are_unique() {
         let id = Uuid::from_u128(7);
         let (sent, hash) = draw(id).unwrap();
         let presented = parse(&sent).unwrap();
@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn keys_in_a_text_are_left_out() {
+    fn keys_in_a_text_are_redacted() {
         let (sent, _) = draw(Uuid::from_u128(7)).unwrap();
         let text = format!("/v1/é/{sent}/x{sent}{}/palpate_{sent}", sent.to_uppercase());
         let upper = sent.to_uppercase();
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_written_like_a_key_is_none() {
+    fn texts_of_another_form_are_not_keys() {
         let (sent, _) = draw(Uuid::from_u128(7)).unwrap();
         let upper = sent.to_uppercase().replace("PALPATE", "palpate");
         for wrong in

@@ -1,7 +1,7 @@
-//! A server that runs: started with a [`Config`], stopped with [`Server::shutdown`].
+//! A running server: started with a [`Config`], stopped with [`Server::shutdown`].
 //!
-//! Stopping takes no new connections, ends streams, lets requests finish for a while,
-//! suspends the running training, and closes the store last.
+//! A stop refuses new connections, ends streams, lets requests finish for a while, suspends
+//! the running training, and closes the store last.
 
 use std::fmt;
 use std::net::SocketAddr;
@@ -40,10 +40,10 @@ use crate::services::storage::{self, Storage};
 use crate::tls::TlsError;
 use crate::{openapi, tls};
 
-/// How long requests under way may go on after a stop was asked for.
+/// Time limit of requests under way after a stop.
 const SHUTDOWN_PATIENCE: Duration = Duration::from_secs(10);
 
-/// A server that runs.
+/// A running server.
 pub struct Server {
     local_addr: SocketAddr,
     stop: watch::Sender<bool>,
@@ -56,37 +56,37 @@ pub struct Server {
     admin_key: Option<String>,
 }
 
-/// Why a server does not start.
+/// Error of a server that does not start.
 #[derive(Debug, Error)]
 pub enum StartError {
-    /// Others could reach the address, and nobody would be asked for a key.
+    /// The address is reachable from other machines, and keys are not required.
     #[error(
         "{address} can be reached from other machines and this server requires no keys: \
          ask for keys with `--access keys` (the first one is made and printed), listen at \
          127.0.0.1, or, in a network that you trust, allow it expressly with `--insecure-bind`"
     )]
     InsecureBind {
-        /// The address that was asked for.
+        /// The given address.
         address: SocketAddr,
     },
-    /// The address cannot be listened at.
+    /// The server cannot listen at the address.
     #[error("cannot listen at {address}: {source}")]
     Listen {
-        /// The address that was asked for.
+        /// The given address.
         address: SocketAddr,
-        /// What the operating system says.
+        /// The operating system's error.
         source: std::io::Error,
     },
-    /// An origin is not written like one.
+    /// An origin is not valid.
     #[error(
         "{found:?} is no origin, expected one as browsers send it, such as https://lab.example \
          or http://localhost:3000, without a path"
     )]
     Origin {
-        /// What was given.
+        /// The given origin.
         found: String,
     },
-    /// TLS cannot be spoken with these files.
+    /// The files do not permit TLS.
     #[error(transparent)]
     Tls(#[from] TlsError),
     /// The operating system has no random bits for the first key.
@@ -101,7 +101,7 @@ pub enum StartError {
     /// The database cannot be opened.
     #[error(transparent)]
     Database(#[from] DatabaseError),
-    /// The database cannot be brought to today's layout.
+    /// The database cannot be migrated to today's layout.
     #[error("cannot migrate the database: {0}")]
     Migrate(#[from] MigrateError),
     /// The database cannot be read or written.
@@ -110,13 +110,13 @@ pub enum StartError {
     /// The open sessions cannot be counted.
     #[error("cannot read the sessions: {reason}")]
     Sessions {
-        /// Why not.
+        /// The cause.
         reason: String,
     },
-    /// Unfinished jobs cannot be taken up again.
+    /// Unfinished jobs cannot be resumed.
     #[error("cannot take up unfinished jobs: {reason}")]
     Jobs {
-        /// Why not.
+        /// The cause.
         reason: String,
     },
 }
@@ -137,10 +137,10 @@ impl fmt::Debug for Server {
 }
 
 impl Server {
-    /// Opens the database, takes up unfinished jobs and listens.
+    /// Opens the database, resumes unfinished jobs and listens.
     ///
     /// # Errors
-    /// [`StartError`] when it cannot; nothing is left running then.
+    /// [`StartError`]; nothing is left running then.
     pub async fn start(config: Config) -> Result<Self, StartError> {
         let address = config.listen;
         let is_exposed = !address.ip().is_loopback() && !config.insecure_bind;
@@ -205,25 +205,25 @@ impl Server {
         Ok(Self { local_addr, stop, serving, working, sessions, audit, engine, scheme, admin_key })
     }
 
-    /// The server's address as clients write it, such as `http://127.0.0.1:7411`.
+    /// The server's URL, such as `http://127.0.0.1:7411`.
     #[must_use]
     pub fn address(&self) -> String {
         format!("{}://{}", self.scheme, self.local_addr)
     }
 
-    /// The secret of the admin's key that was made at this start, if one was; the second time
-    /// it is gone.
+    /// The secret of the admin's key created at this start, if any; `None` from the second
+    /// call on.
     pub fn take_admin_key(&mut self) -> Option<String> {
         self.admin_key.take()
     }
 
-    /// The address it listens at, with the port that was taken.
+    /// The address and port at which it listens.
     #[must_use]
     pub fn local_addr(&self) -> SocketAddr {
         self.local_addr
     }
 
-    /// Stops the server, and returns when everything is stored and closed.
+    /// Stops the server; returns when everything is stored and closed.
     pub async fn shutdown(mut self) {
         tracing::info!("Stopping");
         self.stop.send_replace(true);
@@ -271,8 +271,8 @@ async fn database(engine: Arc<SledEngine>, migrates: bool) -> Result<Database, S
     opening.await.map_err(std::io::Error::other)?
 }
 
-/// Closes the engine when nobody else has it any more: the last tasks of the runtime let go
-/// of it a moment after they have answered, and the next server wants the folder's lock.
+/// Closes the engine after its last user: the last tasks of the runtime release it a moment
+/// after they have answered, and the next server needs the folder's lock.
 async fn close(engine: Arc<SledEngine>) {
     let waiting = async {
         while Arc::strong_count(&engine) > 1 {

@@ -1,4 +1,4 @@
-//! What the service does, one resource a file: store, compute and answer in values of the wire.
+//! The services, one resource a file: they store, compute and answer in values of the wire.
 
 pub(crate) mod audit;
 pub(crate) mod calibrations;

@@ -1,6 +1,6 @@
-//! TLS from certificate and key files, with errors that say which file is wrong and how.
+//! TLS from certificate and key files, with errors that name the file and its fault.
 //!
-//! Certificates live for weeks and servers for months, so the files are read anew when they change.
+//! Certificates live for weeks and servers for months, so changed files are read again.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -15,63 +15,63 @@ use tokio::sync::watch;
 /// The files of a certificate and of its key, both PEM.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TlsFiles {
-    /// The server's certificate, then those between it and the authority that clients trust.
+    /// The server's certificate, then the intermediate ones up to the trusted authority.
     pub certificate: PathBuf,
     /// The certificate's private key: PKCS #8, PKCS #1 or SEC1, not encrypted.
     pub key: PathBuf,
-    /// How often to look whether the files changed.
+    /// Interval at which changes of the files are detected.
     pub look_every: Duration,
 }
 
-/// Why a server cannot speak TLS.
+/// Error of a server that cannot use TLS.
 #[derive(Debug, Error)]
 pub enum TlsError {
     /// A file cannot be read.
     #[error("cannot read the {what} {}: {source}", path.display())]
     Read {
-        /// Which of the files.
+        /// The kind of file.
         what: &'static str,
-        /// Where it should be.
+        /// Its path.
         path: PathBuf,
-        /// What the operating system says.
+        /// The operating system's error.
         source: std::io::Error,
     },
     /// A file is not PEM.
     #[error("the {what} {} is not PEM: {source}", path.display())]
     Pem {
-        /// Which of the files.
+        /// The kind of file.
         what: &'static str,
-        /// Where it is.
+        /// Its path.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The fault.
         source: pem::Error,
     },
-    /// A file is PEM and holds something else.
+    /// A file is PEM without the expected content.
     #[error("the {what} {} has no {expected}", path.display())]
     Nothing {
-        /// Which of the files.
+        /// The kind of file.
         what: &'static str,
-        /// Where it is.
+        /// Its path.
         path: PathBuf,
-        /// What it should hold.
+        /// The expected content.
         expected: &'static str,
     },
-    /// The key is not the certificate's.
+    /// The key does not belong to the certificate.
     #[error("the key {} does not belong to the certificate {}", key.display(), certificate.display())]
     Mismatch {
-        /// Where the certificate is.
+        /// Path of the certificate.
         certificate: PathBuf,
-        /// Where the key is.
+        /// Path of the key.
         key: PathBuf,
     },
-    /// The files are read and cannot be used.
+    /// The files are readable and unusable.
     #[error("cannot use the certificate {} with the key {}: {source}", certificate.display(), key.display())]
     Unusable {
-        /// Where the certificate is.
+        /// Path of the certificate.
         certificate: PathBuf,
-        /// Where the key is.
+        /// Path of the key.
         key: PathBuf,
-        /// Why not.
+        /// The cause.
         source: rustls::Error,
     },
 }
@@ -79,7 +79,7 @@ pub enum TlsError {
 const CERTIFICATE: &str = "certificate";
 const KEY: &str = "key of the certificate";
 
-/// What a server needs to speak TLS 1.2 and 1.3 with these files. Blocks.
+/// The configuration for TLS 1.2 and 1.3 with these files. Blocks.
 pub(crate) fn configure(files: &TlsFiles) -> Result<Arc<ServerConfig>, TlsError> {
     let TlsFiles { certificate, key, .. } = files;
     let text = read(CERTIFICATE, certificate)?;
@@ -114,10 +114,11 @@ pub(crate) fn configure(files: &TlsFiles) -> Result<Arc<ServerConfig>, TlsError>
     Ok(Arc::new(config))
 }
 
-/// Looks at the files now and then, and hands on what became of them. Ends with the server.
+/// Checks the files periodically, and publishes the configuration of changed ones. Ends with
+/// the server.
 ///
-/// What cannot be used is a warning, once for each state of the files; until it can be, what
-/// was in use before stays so.
+/// Unusable files give one warning for each state; the previous configuration stays in use
+/// meanwhile.
 pub(crate) async fn renew(
     files: TlsFiles,
     in_use: watch::Sender<Arc<ServerConfig>>,
@@ -148,7 +149,7 @@ pub(crate) async fn renew(
     }
 }
 
-/// What the files hold, `None` for what cannot be read.
+/// The content of the files, `None` for an unreadable one.
 async fn state(files: &TlsFiles) -> [Option<Vec<u8>>; 2] {
     [tokio::fs::read(&files.certificate).await.ok(), tokio::fs::read(&files.key).await.ok()]
 }

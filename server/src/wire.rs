@@ -1,8 +1,8 @@
-//! Wire to core and store, and back: the only place that converts, and where numbers are
-//! checked. What is wrong is named by a JSON pointer.
+//! Conversion between wire, core and store, with all checks of numbers.
 //!
-//! JSON lets numbers through that are no numbers: 1e999 is refused by the parser, null by
-//! the types; everything else that core would choke on is refused here.
+//! Errors name the field by a JSON pointer. JSON permits values that are not numbers: the
+//! parser refuses 1e999 and the types null; all other values that core would not accept are
+//! refused here.
 
 pub(crate) mod access;
 pub(crate) mod analysis;
@@ -51,22 +51,23 @@ fn summary(errors: &[FieldError]) -> String {
 /// The largest integer that every JSON reader keeps exactly.
 pub(crate) const INTEGER_MAX: u64 = (1 << 53) - 1;
 
-/// The length of a page when the request does not say.
+/// Default length of a page.
 const PAGE_LENGTH: u32 = 100;
-/// The longest page.
+/// Maximum length of a page.
 const PAGE_LENGTH_MAX: u32 = 1000;
 
-/// A page of readings ends with the one that reaches this many stored bytes. Chosen: as JSON they
-/// are about three times as long, which a robot reads in a second on a slow network.
+/// Stored bytes at which a page of readings ends with the reading that reaches them. Chosen:
+/// as JSON they are about three times as long, which a robot reads in a second on a slow
+/// network.
 pub(crate) const PAGE_BYTES: usize = 4 << 20;
 
-/// Milliseconds since 1970 as the wire writes times.
+/// Milliseconds since 1970 in the wire form of times.
 pub(crate) fn time(ms: u64) -> String {
     let ms = i64::try_from(ms).unwrap_or(i64::MAX);
     jiff::Timestamp::from_millisecond(ms).unwrap_or(jiff::Timestamp::MAX).to_string()
 }
 
-/// Checks a new name: short, fit for paths and shells, and not to be confused with an id.
+/// Checks a new name: short, safe in paths and shells, and distinct from ids.
 pub(crate) fn name(name: &str) -> Result<(), Invalid> {
     let first_fits = name.starts_with(|c: char| c.is_ascii_alphanumeric());
     let fits = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '_' | '-');
@@ -85,7 +86,7 @@ pub(crate) fn name(name: &str) -> Result<(), Invalid> {
     Ok(())
 }
 
-/// Checks a free text: its length in characters, and that it can be shown as it is.
+/// Checks a free text: its length in characters, and that it is printable.
 pub(crate) fn text(pointer: &str, text: &str, max: usize) -> Result<(), Invalid> {
     if let Some(found) = text.chars().find(|c| is_control(*c)) {
         let found = found.escape_unicode();
@@ -105,8 +106,8 @@ pub(crate) fn text(pointer: &str, text: &str, max: usize) -> Result<(), Invalid>
     }
 }
 
-/// Whether a character does something to a screen instead of standing on it: control characters,
-/// ends of lines among them, and marks that turn the direction of writing.
+/// Whether a character controls a display: control characters, line ends included, and marks
+/// that change the direction of writing.
 pub(crate) fn is_control(c: char) -> bool {
     c.is_control()
         || matches!(c, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
@@ -130,13 +131,13 @@ pub(crate) fn number(pointer: &str, found: f64, low: f64, high: f64) -> Result<f
     }
 }
 
-/// How many items a page is to have.
+/// The requested number of items of a page.
 pub(crate) fn page_length(query: &PageQuery) -> Result<usize, Invalid> {
     let limit = query.limit.unwrap_or(PAGE_LENGTH);
     Ok(within("?limit", u64::from(limit), 1, u64::from(PAGE_LENGTH_MAX))? as usize)
 }
 
-/// The id behind which a page begins.
+/// The id after which a page begins.
 pub(crate) fn page_id(query: &PageQuery) -> Result<Option<Uuid>, Invalid> {
     query
         .cursor
@@ -145,14 +146,14 @@ pub(crate) fn page_id(query: &PageQuery) -> Result<Option<Uuid>, Invalid> {
         .transpose()
 }
 
-/// The number with which a page begins.
+/// The number at which a page begins.
 pub(crate) fn page_number(query: &PageQuery) -> Result<u64, Invalid> {
     let number =
         query.cursor.as_deref().map(|cursor| cursor.parse().map_err(|_| bad_cursor(cursor)));
     Ok(number.transpose()?.unwrap_or(0))
 }
 
-/// A cursor as the wire has it.
+/// A cursor in its wire form.
 pub(crate) fn cursor(next: Option<Uuid>) -> Option<String> {
     next.map(|id| id.simple().to_string())
 }
@@ -161,7 +162,7 @@ fn bad_cursor(cursor: &str) -> Invalid {
     Invalid::field("?cursor", format!("came {cursor:?}, expected a `next_cursor` of this list"))
 }
 
-/// A count as the wire has it.
+/// A count in its wire form.
 pub(crate) fn count(n: impl TryInto<u32>) -> u32 {
     n.try_into().unwrap_or(u32::MAX)
 }

@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn a_heat_map_runs_from_dark_to_bright_and_leaves_out_what_is_missing() {
+    fn a_heat_map_omits_missing_values() {
         let map = Heat {
             title: "t".into(),
             x: "x".into(),

@@ -137,7 +137,7 @@ impl Database {
         Self { engine: Arc::new(Accounted { engine: self.engine, who }) }
     }
 
-    /// Bytes that each API key holds; those that nobody was asked a key for have the nil id.
+    /// Bytes that each API key holds; the nil id for writes without a key.
     #[must_use]
     pub fn held(&self) -> BTreeMap<Uuid, u64> {
         self.engine.held()

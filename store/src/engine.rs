@@ -122,7 +122,7 @@ pub struct Commit {
     pub writes: Vec<(Vec<u8>, Option<Vec<u8>>)>,
     /// Whether it must work on a full disk and may use the reserve, and bytes beyond the quota.
     pub is_essential: bool,
-    /// Who its bytes count to.
+    /// Account that its bytes count towards.
     pub account: Option<Account>,
     /// Bytes that count to things besides those that it writes: the thing's key, and how many.
     pub counted: Vec<(Vec<u8>, u64)>,

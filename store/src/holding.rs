@@ -18,20 +18,20 @@ use crate::pieces;
 
 /// The schema of a holding's record.
 const SCHEMA: u16 = 1;
-/// How many records are read at once.
+/// Number of records per read.
 const RECORDS_PER_SCAN: usize = 1024;
 const COUNTING: &str = "counting the bytes of a key";
 
-/// The API key that the bytes of a commit count to.
+/// The API key that the bytes of a commit count towards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Account {
-    /// The key's id; nil where nobody is asked for a key.
+    /// The key's id; nil without a key.
     pub key: Uuid,
-    /// Bytes that the key may hold; `None` is no bound.
+    /// Maximum bytes of the key; `None` for no limit.
     pub quota: Option<u64>,
 }
 
-/// What kind of thing bytes belong to.
+/// Kind of a stored thing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum ThingKind {
     /// A session with its readings.
@@ -48,16 +48,16 @@ pub enum ThingKind {
     Robot,
 }
 
-/// Bytes that a key wrote of a thing.
+/// Bytes of a thing that a key wrote.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Holding {
-    /// What kind of thing it is.
+    /// Kind of the thing.
     pub kind: ThingKind,
-    /// The thing's id; nil of a robot's name.
+    /// Id of the thing; nil for a robot's name.
     pub id: Uuid,
-    /// The key; nil where nobody was asked for one.
+    /// The key; nil for writes without a key.
     pub key: Uuid,
-    /// How many bytes.
+    /// Number of bytes.
     pub bytes: u64,
 }
 
@@ -109,23 +109,23 @@ pub(crate) fn robot(name: &[u8]) -> Vec<u8> {
     [&[Space::RobotHolder as u8, length], name].concat()
 }
 
-/// The prefix of the holdings of a thing, or of all things whose keys begin like this.
+/// The prefix of the holdings of a thing, or of all things whose keys have this prefix.
 fn prefix(thing: &[u8]) -> Vec<u8> {
     [&[Space::Holding as u8], thing].concat()
 }
 
-/// Removes the holdings of a thing that was removed, and of all whose keys begin like its key.
+/// Removes the holdings of a removed thing, and of all whose keys have its key as a prefix.
 pub(crate) async fn release(engine: &dyn Engine, thing: &[u8]) -> Result<(), EngineError> {
     pieces::remove_all(engine, &prefix(thing)).await
 }
 
-/// The key that wrote the thing's first record, if that was counted: nil where nobody was asked.
+/// The key that wrote the thing's first record, if that was counted: nil without a key.
 pub(crate) fn writer_of(engine: &dyn Engine, thing: &[u8]) -> Result<Option<Uuid>, EngineError> {
     let found = engine.scan(&prefix(thing), None, 1)?;
     Ok(found.first().map(Holding::from_pair).transpose()?.map(|holding| holding.key))
 }
 
-/// Shows all holdings to `look`, in the order of their keys.
+/// Calls `look` with all holdings, in the order of their keys.
 pub(crate) fn each(engine: &dyn Engine, mut look: impl FnMut(Holding)) -> Result<(), EngineError> {
     let prefix = key::space(Space::Holding);
     let mut after: Option<Vec<u8>> = None;
@@ -139,7 +139,7 @@ pub(crate) fn each(engine: &dyn Engine, mut look: impl FnMut(Holding)) -> Result
     }
 }
 
-/// The bytes that a holding's record says.
+/// The number of bytes in a holding's record.
 pub(crate) fn bytes(record: &[u8]) -> Result<u64, EngineError> {
     let opened =
         envelope::open(Kind::Holding, record).map_err(|error| failed(error.to_string()))?;
@@ -152,7 +152,7 @@ fn failed(detail: String) -> EngineError {
     EngineError::Failed { doing: COUNTING, detail }
 }
 
-/// Bytes that each key holds, kept up to date by the writer of an engine.
+/// Bytes that each key holds, updated by the writer of an engine.
 #[derive(Debug, Default)]
 pub(crate) struct Held(Mutex<BTreeMap<Uuid, u64>>);
 
@@ -190,7 +190,7 @@ impl Held {
     }
 }
 
-/// What a commit adds to the holdings of its account.
+/// Changes of the holdings of a commit's account.
 pub(crate) struct Bill {
     account: Account,
     is_essential: bool,
@@ -248,10 +248,10 @@ impl Held {
     }
 }
 
-/// Says which account a commit counts to, asked when the commit is made; `None` is nobody's.
+/// The account of a commit, evaluated when the commit is made; `None` is no account.
 pub type Who = Arc<dyn Fn() -> Option<Account> + Send + Sync>;
 
-/// An engine whose commits count to an account.
+/// An engine whose commits count towards an account.
 pub(crate) struct Accounted {
     pub(crate) engine: Arc<dyn Engine>,
     pub(crate) who: Who,

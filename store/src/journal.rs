@@ -77,9 +77,9 @@ pub struct Entry {
 /// A journal as a whole, without its entries.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Head {
-    /// How many entries there are.
+    /// Number of entries.
     pub length: u64,
-    /// How many entries are withdrawn.
+    /// Number of withdrawn entries.
     pub n_retracted: u64,
     /// When the last entry came; `None` without entries.
     pub last_at_ms: Option<u64>,

@@ -60,7 +60,7 @@ pub enum Space {
     RobotHolder = b'h',
     /// The latest time.
     Clock = b'y',
-    /// How many bytes an API key wrote of a thing, by thing and key.
+    /// Bytes of a thing that an API key wrote, by thing and key.
     Holding = b'z',
 }
 

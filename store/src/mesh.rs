@@ -101,7 +101,7 @@ impl Meshes {
         let file_key = key::nested(Space::MeshFile, object, info.upload);
         let sealed = envelope::seal(Kind::MeshFile, SCHEMA, file);
         if let Err(error) = pieces::write_large(&*self.engine, &file_key, &sealed).await {
-            // What was written before does not stay, where the engine still removes.
+            // The part that was written is removed, if the engine still removes.
             if let Err(error) = self.remove_file(&file_key).await {
                 tracing::warn!(%error, "Cannot remove what was stored of a mesh that did not fit");
             }

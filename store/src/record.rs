@@ -1,4 +1,4 @@
-//! How values are stored: in an envelope with their kind and schema number.
+//! Stored form of values: an envelope with their kind and schema number.
 //!
 //! The frozen structs that are written stand beside the types they store, in files `stored.rs`.
 //! A struct that ends in `V1` never changes; a new field makes a `V2` with the next schema

@@ -1,4 +1,4 @@
-//! Keys, TLS and the audit log as a person uses them from a shell.
+//! Tests of keys, TLS and the audit log from a shell.
 
 use std::path::Path;
 use std::process::Output;
@@ -39,12 +39,12 @@ fn all(folder: &Path) -> Vec<std::path::PathBuf> {
 }
 
 #[test]
-fn other_users_of_the_machine_are_kept_out_of_the_folder() {
+fn other_users_of_the_machine_cannot_read_the_folder() {
     use std::os::unix::fs::PermissionsExt;
     let folder = TempDir::new().unwrap();
     let data = folder.path().join("data");
     drop(Server::start(&data, ""));
-    // As an earlier version left it, or somebody who meant well.
+    // As left by an earlier version, or by an administrator.
     for path in all(&data) {
         let open = std::fs::Permissions::from_mode(if path.is_dir() { 0o755 } else { 0o644 });
         std::fs::set_permissions(path, open).unwrap();
@@ -58,7 +58,7 @@ fn other_users_of_the_machine_are_kept_out_of_the_folder() {
 }
 
 #[test]
-fn a_restored_snapshot_lets_in_no_key_that_nobody_chose() {
+fn a_restored_snapshot_accepts_only_chosen_keys() {
     let folder = TempDir::new().unwrap();
     let at = |name: &str| folder.path().join(name);
     let key_file = at("the.key");
@@ -99,10 +99,11 @@ fn a_restored_snapshot_lets_in_no_key_that_nobody_chose() {
 }
 
 #[test]
-fn keys_are_made_used_rotated_and_revoked_from_the_shell() {
+fn keys_are_created_used_rotated_and_revoked_from_a_shell() {
     let folder = TempDir::new().unwrap();
     let server = Server::start(folder.path(), "--access keys");
-    // Standard output is no terminal here, so the key goes to a file that only its owner can read.
+    // Standard output is not a terminal here, so the key goes to a file that only its owner
+    // can read.
     assert!(server.started.get("admin_key").is_none());
     let file = server.said("admin_key_file").to_owned();
     assert_eq!(std::path::Path::new(&file), folder.path().join("admin.key"));
@@ -150,7 +151,7 @@ fn keys_are_made_used_rotated_and_revoked_from_the_shell() {
 }
 
 #[test]
-fn a_command_trusts_the_authority_that_it_is_given() {
+fn a_command_trusts_the_given_authority() {
     let folder = TempDir::new().unwrap();
     let key = rcgen::KeyPair::generate().unwrap();
     let names = vec!["127.0.0.1".to_owned()];
@@ -177,7 +178,7 @@ fn a_command_trusts_the_authority_that_it_is_given() {
 }
 
 #[test]
-fn other_machines_are_refused_with_words_that_help() {
+fn other_machines_are_refused_with_a_helpful_message() {
     let folder = TempDir::new().unwrap();
     let mut serve = palpate("serve --listen 0.0.0.0:0");
     let error = failed(&serve.arg("--data").arg(folder.path()).output().unwrap());

@@ -1,4 +1,4 @@
-//! `palpate load` as it is used: ready by itself, its answer, its exit codes.
+//! Tests of `palpate load`: preparation of the server, its answer, its exit codes.
 
 use std::process::Output;
 
@@ -11,7 +11,7 @@ fn load(server: &Server, arguments: &str) -> Output {
 }
 
 #[test]
-fn load_makes_a_server_ready_measures_it_and_fails_when_a_bound_is_broken() {
+fn load_prepares_and_measures_and_fails_over_its_bounds() {
     let folder = tempfile::TempDir::new().unwrap();
     let server = Server::start(&folder.path().join("data"), "");
     let untrained = load(&server, "--rate 5");

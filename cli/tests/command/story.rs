@@ -1,4 +1,4 @@
-//! The command as it is used: its exit codes, what it prints where, and a whole round.
+//! Tests of the command: its exit codes, its output streams, and a complete round.
 
 use std::path::Path;
 use std::process::{Output, Stdio};
@@ -7,13 +7,13 @@ use tempfile::TempDir;
 
 use crate::support::{Server, palpate, stderr, stdout};
 
-/// Runs to the end.
+/// Runs the command to its end.
 fn run(folder: &Path, arguments: &str) -> Output {
     palpate(arguments).current_dir(folder).output().unwrap()
 }
 
 #[test]
-fn health_says_by_its_exit_code_whether_a_server_serves() {
+fn health_exits_by_whether_a_server_serves() {
     let folder = TempDir::new().unwrap();
     let server = Server::start(folder.path(), "");
     let address = server.said("server").to_owned();
@@ -38,7 +38,7 @@ fn wrong_usage_exits_with_two() {
 }
 
 #[test]
-fn a_server_that_is_not_there_exits_with_three_and_a_hint() {
+fn an_unreachable_server_exits_with_three_and_a_hint() {
     let folder = TempDir::new().unwrap();
     let output = run(folder.path(), "--server http://127.0.0.1:1 objects list --json");
     assert_eq!(output.status.code(), Some(3));
@@ -47,7 +47,7 @@ fn a_server_that_is_not_there_exits_with_three_and_a_hint() {
 }
 
 #[test]
-fn a_reader_that_goes_away_does_not_end_the_work() {
+fn a_closed_output_does_not_end_the_work() {
     let folder = TempDir::new().unwrap();
     let mut command = palpate("objects example --all --out meshes");
     let command = command.current_dir(folder.path()).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -60,7 +60,7 @@ fn a_reader_that_goes_away_does_not_end_the_work() {
 }
 
 #[test]
-fn the_description_of_the_api_is_printed_without_a_server() {
+fn the_api_description_needs_no_server() {
     let folder = TempDir::new().unwrap();
     let output = run(folder.path(), "openapi");
     let document: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -68,7 +68,7 @@ fn the_description_of_the_api_is_printed_without_a_server() {
 }
 
 #[test]
-fn ones_own_mesh_is_added_trained_touched_and_recognised_also_after_a_restart() {
+fn a_users_mesh_is_trained_and_recognised_after_a_restart() {
     let folder = TempDir::new().unwrap();
     let (at, data) = (folder.path(), folder.path().join("data"));
     let output = run(at, "objects example --all --out meshes --json");
@@ -97,8 +97,9 @@ fn ones_own_mesh_is_added_trained_touched_and_recognised_also_after_a_restart() 
     assert_eq!(touched.status.code(), Some(0), "{}", stderr(&touched));
     let answer: serde_json::Value = serde_json::from_slice(&touched.stdout).unwrap();
     assert_eq!(answer["steps"].as_array().unwrap().len(), 10);
-    // So few training readings may turn the hammer end for end, but it lies within ±200 mm of
-    // the origin: a mistake of frames or units would be off by far more than its own 80 mm.
+    // With few training readings the hammer may be turned end for end, but it lies within
+    // ±200 mm of the origin: an error of frames or units would be off by far more than its
+    // own 80 mm.
     assert!(answer["position_error_mm"].as_f64().unwrap() < 60.0, "{answer}");
 
     none_of_these_is_an_answer(|arguments| ask(&server, arguments));
@@ -133,7 +134,8 @@ fn ones_own_mesh_is_added_trained_touched_and_recognised_also_after_a_restart() 
     assert!(stderr(&second).contains("in use by another process"), "{}", stderr(&second));
 }
 
-/// A refused mesh leaves no object, and the error of a taken name says which command adds a mesh.
+/// A refused mesh leaves no object, and the error of a name in use names the command that
+/// adds a mesh.
 fn a_refused_mesh_leaves_no_object(at: &Path, ask: impl Fn(&str) -> Output) {
     std::fs::write(at.join("broken.off"), "OFF\n3 1 0\n0 0 0\n").unwrap();
     for _ in 0..2 {
@@ -148,7 +150,7 @@ fn a_refused_mesh_leaves_no_object(at: &Path, ask: impl Fn(&str) -> Output) {
     assert!(stdout(&added).contains("read as mm: mesh of"), "{}", stdout(&added));
 }
 
-/// Lets the prior decide for "none of these", so that no luck does: it is the answer, and right
+/// Makes the prior decide for "none of these" without chance: it is the answer, and right
 /// only for an object outside the catalogue.
 fn none_of_these_is_an_answer(ask: impl Fn(&str) -> Output) {
     let touch = "touch --mesh meshes/hammer.stl --readings 1 --seed 7 --json";
@@ -209,21 +211,21 @@ fn explored_readings_can_be_sent_again(at: &Path, ask: impl Fn(&str) -> Output) 
     let listed = answer("sessions list --json");
     let counts: Vec<_> =
         listed["items"].as_array().unwrap().iter().map(|item| &item["n_readings"]).collect();
-    // The touches before; a file that is sent twice counts once.
+    // The earlier touches; a file that is sent twice counts once.
     assert_eq!(counts, [10, 1, 1, 1, 1, 5, 5]);
     a_session_is_looked_into(replayed["session"].as_str().unwrap(), &answer, &ask);
     let again = answer(&format!("{mug} --offline --out 2.json"));
     assert_eq!(again["session"], serde_json::Value::Null);
     let file = |name: &str| std::fs::read(at.join(name)).unwrap();
     assert_eq!(file("mug.json"), file("2.json"));
-    // An object that moves, by a method that does not ask where the sensor was.
+    // A moving object, and a method that needs no poses.
     let moving = "explore --mesh meshes/mug.stl --readings 12 --perturb --method appearance --json";
     let moved = answer(moving);
     assert_eq!(moved["readings"], 12);
     assert!(moved["probability"].as_f64().unwrap() > 1.0 / 3.0, "{moved}");
 }
 
-/// Lists a session's five readings, retracts one, replays and explains what is left.
+/// Lists a session's five readings, retracts one, replays and explains the rest.
 fn a_session_is_looked_into(
     session: &str,
     answer: &impl Fn(&str) -> serde_json::Value,
@@ -272,7 +274,7 @@ fn a_newcomer_calibrates_a_sensor_with_a_simulated_indentation() {
 }
 
 #[test]
-fn the_demonstration_ends_with_one_line_of_figures() {
+fn the_demo_ends_with_one_line_of_figures() {
     let folder = TempDir::new().unwrap();
     let output = run(
         folder.path(),

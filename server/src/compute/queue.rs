@@ -1,6 +1,6 @@
-//! The order in which work is computed: clients take turns.
+//! The order of computations: clients take turns.
 //!
-//! The work of one client is done in the order in which it came.
+//! The work of one client is done in the order of its arrival.
 
 use std::collections::{HashMap, VecDeque};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -11,7 +11,7 @@ use crate::client::Client;
 /// A piece of work.
 pub(super) type Work = Box<dyn FnOnce() + Send>;
 
-/// Work that waits for a thread.
+/// Waiting work.
 pub(super) struct Queue {
     state: Mutex<State>,
     came: Condvar,
@@ -22,7 +22,7 @@ struct State {
     /// The clients with work, the next one first.
     turns: VecDeque<Option<Client>>,
     work: HashMap<Option<Client>, VecDeque<Work>>,
-    /// When the last piece began while others waited, or the first of these came.
+    /// Time at which the last piece started while others waited, or the first of these arrived.
     waiting_since: Option<Instant>,
     is_closed: bool,
 }
@@ -79,13 +79,13 @@ impl Queue {
         }
     }
 
-    /// Lets those who wait go when the last piece is done.
+    /// Releases waiting threads after the last piece.
     pub(super) fn close(&self) {
         self.lock().is_closed = true;
         self.came.notify_all();
     }
 
-    /// How long work has been waiting without a thread that takes any.
+    /// Time for which work has been waiting without any being taken.
     pub(super) fn stalled(&self) -> Duration {
         self.lock().waiting_since.map_or(Duration::ZERO, |since| since.elapsed())
     }
@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn work_that_no_thread_takes_is_noticed() {
+    fn stalled_work_is_detected() {
         let queue = Queue::new();
         assert_eq!(queue.stalled(), Duration::ZERO);
         queue.push(None, Box::new(|| ()));

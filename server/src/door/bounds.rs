@@ -1,4 +1,4 @@
-//! The bounds on connections: a total, a share of each address, and a reserve for health checks.
+//! Limits on connections: a total, a share per address, and a reserve for health checks.
 
 use std::collections::VecDeque;
 use std::net::IpAddr;
@@ -9,26 +9,26 @@ use tokio::sync::oneshot;
 use crate::budget::{Budget, Holding};
 use crate::client::Client;
 
-/// Connections of the reserve. Chosen: a handful of supervisors ask at once, each for
-/// milliseconds.
+/// Number of connections in the reserve. Chosen: a handful of supervisors connect at once,
+/// each for milliseconds.
 const RESERVE: usize = 8;
 
-/// File descriptors that connections leave to the database, the log and the runtime. Chosen:
-/// an idle server holds about 20.
+/// File descriptors reserved for the database, the log and the runtime. Chosen: an idle
+/// server has about 20.
 const OTHER_FILES: u64 = 32;
 
 /// The connections of a server.
 #[derive(Debug)]
 pub(crate) struct Connections {
     budget: Arc<Budget>,
-    /// Those in the reserve, the oldest first; sending or dropping evicts one.
+    /// Connections in the reserve, the oldest first; sending or dropping evicts one.
     reserve: Mutex<VecDeque<oneshot::Sender<()>>>,
 }
 
-/// The place of one connection.
+/// The slot of one connection.
 #[derive(Debug)]
 pub(crate) enum Place {
-    /// Within the bounds.
+    /// Within the limits.
     Usual(#[expect(dead_code, reason = "held until the connection ends")] Holding),
     /// In the reserve, until it is resolved.
     Reserve(oneshot::Receiver<()>),
@@ -42,7 +42,7 @@ impl Connections {
         Arc::new(Self { budget: Budget::new(total), reserve: Mutex::default() })
     }
 
-    /// A place for a connection from an address.
+    /// A slot for a connection from an address.
     pub(crate) fn place(&self, address: IpAddr) -> Place {
         if let Ok(holding) = self.budget.take(Some(Client::at(address)), 1) {
             return Place::Usual(holding);
@@ -58,12 +58,12 @@ impl Connections {
         Place::Reserve(evicted)
     }
 
-    /// How many connections there are outside the reserve.
+    /// Number of connections outside the reserve.
     pub(crate) fn used(&self) -> usize {
         self.budget.used()
     }
 
-    /// How many there may be.
+    /// Maximum number of connections.
     pub(crate) fn total(&self) -> usize {
         self.budget.total()
     }
@@ -74,7 +74,7 @@ impl Place {
         matches!(self, Self::Reserve(_))
     }
 
-    /// Resolves when a newer connection needs this place of the reserve.
+    /// Resolves when a newer connection needs this slot of the reserve.
     pub(crate) async fn evicted(&mut self) {
         match self {
             Self::Usual(_) => std::future::pending().await,
@@ -85,7 +85,7 @@ impl Place {
     }
 }
 
-/// How many files this process may have open, after asking for as many as the system allows.
+/// Maximum number of open files of this process, raised to the system's limit.
 fn files_max() -> u64 {
     use rustix::process::{Resource, getrlimit, setrlimit};
     let mut limit = getrlimit(Resource::Nofile);
@@ -103,7 +103,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn over_the_bounds_the_newest_connections_have_the_reserve() {
+    fn the_newest_connections_over_the_limit_use_the_reserve() {
         let connections = Connections::new(4);
         let address = |n: u8| IpAddr::from([10, 0, 0, n]);
         let usual: Vec<Place> = (0..4).map(|n| connections.place(address(n))).collect();

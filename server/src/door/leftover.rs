@@ -1,9 +1,9 @@
-//! What a request leaves unread: an answer may go out before the request's body has come in.
+//! Unread parts of requests, for answers that are sent before the request's body has arrived.
 //!
-//! Closing a connection on bytes that nobody has read resets it, and the client may lose the
-//! answer that lies in its own buffer. And a client that keeps the connection sends its next
-//! request into one that is about to close. So such an answer says that the connection ends, and
-//! what still comes in is read and forgotten for a while (RFC 9112, section 9.6).
+//! Closing a connection with unread bytes resets it, and the client may lose the answer in
+//! its own buffer; a client that keeps the connection sends its next request into one that is
+//! about to close. So such an answer announces the end of the connection, and arriving bytes
+//! are read and discarded for a while (RFC 9112, section 9.6).
 
 use std::pin::Pin;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use hyper::body::{Body, Frame, Incoming, SizeHint};
 
 use super::pace::Pace;
 
-/// The body of a request, which tells the connection if nobody reads it to its end.
+/// The body of a request, which notifies the connection if it is not read to its end.
 pub(super) struct Asked {
     body: Incoming,
     has_ended: bool,

@@ -1,7 +1,7 @@
-//! The pace of a connection: deadlines for headers that do not end and answers that are not read.
+//! Deadlines of a connection: for unfinished headers and for unread answers.
 //!
-//! What a connection waits for is known on two sides: bytes pass through [`Paced`], requests and
-//! answers through [`Pace::request`] and [`Served`]. Both share one [`Pace`].
+//! The state of a connection is known on two sides: bytes pass through [`Paced`], requests
+//! and answers through [`Pace::request`] and [`Served`]. Both share one [`Pace`].
 
 use std::io;
 use std::pin::Pin;
@@ -16,13 +16,13 @@ use tokio::time::{Instant, Sleep, sleep_until};
 
 use super::Patience;
 
-/// Bytes of an unread body that are forgotten at a time.
+/// Number of bytes of an unread body that are discarded at a time.
 const LEFTOVER_BLOCK: usize = 8 << 10;
 
-/// What a connection waits for.
+/// The event that a connection waits for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
-    /// The rest of a request's headers, until then.
+    /// The rest of a request's headers, until this time.
     Headers(Instant),
     /// The first byte of a request.
     Idle,
@@ -49,13 +49,13 @@ impl Pace {
         Arc::new(Self { patience, phase: Mutex::new(phase), is_unread: AtomicBool::new(false) })
     }
 
-    /// Notes that the headers of a request are there.
+    /// Registers complete headers of a request.
     pub(super) fn request(self: &Arc<Self>) -> RequestUnderWay {
         self.enter(Phase::Request);
         RequestUnderWay(Arc::clone(self))
     }
 
-    /// Notes that a request was answered before its body came to its end.
+    /// Registers an answer before the end of the request's body.
     pub(super) fn leave_unread(&self) {
         self.is_unread.store(true, Ordering::Release);
     }
@@ -65,7 +65,7 @@ impl Pace {
         self.is_unread.load(Ordering::Acquire)
     }
 
-    /// Notes that bytes came in.
+    /// Registers incoming bytes.
     fn hear(&self) {
         let mut phase = self.phase.lock().unwrap_or_else(PoisonError::into_inner);
         if *phase == Phase::Idle {
@@ -77,7 +77,7 @@ impl Pace {
         *self.phase.lock().unwrap_or_else(PoisonError::into_inner) = phase;
     }
 
-    /// When headers that are arriving must be complete.
+    /// Deadline of arriving headers.
     fn deadline(&self) -> Option<Instant> {
         match *self.phase.lock().unwrap_or_else(PoisonError::into_inner) {
             Phase::Headers(until) => Some(until),
@@ -92,12 +92,12 @@ impl Drop for RequestUnderWay {
     }
 }
 
-/// A deadline that can be set again and again.
+/// A resettable deadline.
 #[derive(Debug, Default)]
 struct Alarm(Option<Pin<Box<Sleep>>>);
 
 impl Alarm {
-    /// Whether `until` has passed; else the task is woken then.
+    /// Whether `until` has passed; otherwise the task is woken then.
     fn poll(&mut self, until: Instant, context: &mut Context<'_>) -> bool {
         let sleep = self.0.get_or_insert_with(|| Box::pin(sleep_until(until)));
         if sleep.deadline() != until {
@@ -107,16 +107,16 @@ impl Alarm {
     }
 }
 
-/// The bytes of a connection, at its pace.
+/// The bytes of a connection, with its deadlines.
 #[derive(Debug)]
 pub(super) struct Paced<T> {
     inner: T,
     pace: Arc<Pace>,
     headers: Alarm,
-    /// When the reader must have taken something of what waits for it.
+    /// Time by which the reader must have taken some of the waiting bytes.
     stalled_until: Option<Instant>,
     stalled: Alarm,
-    /// Until when the rest of an unread body may come in, once the writing side is closed.
+    /// Time until which the rest of an unread body may arrive after the writing side is closed.
     leftover_until: Option<Instant>,
     leftover: Alarm,
 }
@@ -161,7 +161,7 @@ impl<T: AsyncRead + Unpin> AsyncRead for Paced<T> {
         if buffer.filled().len() > before {
             this.pace.hear();
         }
-        // Bytes that come one by one do not put off the deadline.
+        // Slowly arriving bytes do not extend the deadline.
         let Some(until) = this.pace.deadline() else { return read };
         if this.headers.poll(until, context) {
             return Poll::Ready(Err(io::Error::new(
@@ -214,7 +214,7 @@ impl<T: AsyncRead + AsyncWrite + Unpin> AsyncWrite for Paced<T> {
 }
 
 impl<T: AsyncRead + Unpin> Paced<T> {
-    /// Reads and forgets what still comes in, until the other side closes or the time is over.
+    /// Reads and discards incoming bytes until the peer closes or the time is over.
     fn forget_leftover(&mut self, context: &mut Context<'_>) -> Poll<()> {
         let patience = self.pace.patience.body;
         let until = *self.leftover_until.get_or_insert_with(|| Instant::now() + patience);
@@ -230,7 +230,7 @@ impl<T: AsyncRead + Unpin> Paced<T> {
     }
 }
 
-/// The body of an answer, with the request that it answers.
+/// The body of an answer, with its request.
 pub(super) struct Served {
     body: Body,
     request: Option<RequestUnderWay>,

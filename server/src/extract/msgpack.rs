@@ -1,7 +1,7 @@
-//! MessagePack bodies: maps with the names that JSON has, for robots that count bytes.
+//! MessagePack bodies: maps with JSON's names, for robots on slow networks.
 //!
-//! Numbers may be of any width. Unlike JSON it can carry infinities and values that are no
-//! number; those are refused where readings are checked.
+//! Numbers may have any width. Unlike JSON it can carry infinities and NaN; the check of
+//! readings refuses those.
 
 use std::io::Cursor;
 
@@ -14,13 +14,13 @@ use crate::refusal::Refusal;
 /// The content type of such a body.
 pub(crate) const CONTENT_TYPE: &str = "application/msgpack";
 
-/// How deep a body may be nested; readings are five levels deep.
+/// Maximum nesting of a body; readings are five levels deep.
 const DEPTH_MAX: usize = 64;
 
-/// The marker that the format never uses.
+/// The marker byte that the format never uses.
 const NEVER_USED: u8 = 0xc1;
 
-/// Parses MessagePack; a wrong value is named by a JSON pointer.
+/// Parses MessagePack; the error names an invalid value by a JSON pointer.
 pub(crate) fn parse<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Refusal> {
     let mut deserializer = rmp_serde::Deserializer::new(Cursor::new(bytes));
     deserializer.set_max_depth(DEPTH_MAX);

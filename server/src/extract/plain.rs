@@ -1,8 +1,8 @@
-//! The messages of the parsers in the words of those who speak JSON: numbers, integers, lists.
+//! Translation of parser messages into JSON terms: numbers, integers, lists.
 //!
-//! What a message does not say in one of the known ways passes as it is.
+//! A message in an unknown form passes unchanged.
 
-/// A parser's message in plain words.
+/// A parser's message in JSON terms.
 pub(super) fn words(message: &str) -> String {
     if let Some(plain) = of_query(message) {
         return plain.to_owned();
@@ -27,7 +27,7 @@ pub(super) fn words(message: &str) -> String {
     }
 }
 
-/// What the parser of a query's numbers says.
+/// The message of the parser of a query's numbers.
 fn of_query(message: &str) -> Option<&'static str> {
     Some(match message {
         "invalid digit found in string" => "expected an integer of at least 0",
@@ -41,7 +41,7 @@ fn of_query(message: &str) -> Option<&'static str> {
     })
 }
 
-/// What came, as serde names it.
+/// The given value, from serde's description.
 fn came(found: &str) -> String {
     match found {
         "sequence" => "a list".to_owned(),
@@ -55,7 +55,7 @@ fn came(found: &str) -> String {
     }
 }
 
-/// What was expected, as serde names it.
+/// The expected value, from serde's description.
 fn expected(wanted: &str) -> String {
     let known = match wanted {
         "u8" => "an integer from 0 to 255",
@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_of_queries_are_too() {
+    fn numbers_of_queries_are_named_as_in_json() {
         let said = |text: &str| words(&text.parse::<u32>().unwrap_err().to_string());
         assert_eq!(said("-1"), "expected an integer of at least 0");
         assert_eq!(said("99999999999"), "came an integer that is too large");

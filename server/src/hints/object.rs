@@ -1,4 +1,4 @@
-//! Objects that are trained and probably have the wrong unit, or too few touches.
+//! Warnings about trained objects: a probably wrong unit, or too few touches.
 
 use palpate_core::contact::touches;
 use palpate_core::reading::Reading;
@@ -8,20 +8,20 @@ use palpate_schemas::{ObjectReport, SkippedObject, Warning, WarningCode};
 
 use super::{SIZE_LARGE, SIZE_SMALL, meant};
 
-/// Fewer touches than this do not tell an object's symmetry, nor much of its surface. Derived: the
-/// search for symmetries asks for as many.
+/// Number of touches below which an object's symmetry and much of its surface are unknown.
+/// Derived: the search for symmetries needs as many.
 const TOUCHES_FEW: usize = 60;
-/// Two sizes that differ by this factor are in different units, rather than of different objects.
-/// Chosen: 1,000 is the factor of metres and millimetres, and objects of one catalogue differ by
-/// less than 100 (a ring of 20 mm, a door of 2 m).
+/// Ratio of two sizes from which they are in different units rather than of different
+/// objects. Chosen: 1,000 is the factor of metres and millimetres, and objects of one
+/// catalogue differ by less than 100 (a ring of 20 mm, a door of 2 m).
 const SIZES_FACTOR: f64 = 200.0;
 
-/// What is known of an object from the readings that it is trained from.
+/// Statistics of an object's training readings.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Touched {
-    /// How many readings there are.
+    /// Number of readings.
     pub(crate) n_readings: usize,
-    /// How many of them touched anything.
+    /// Number of readings with contact.
     pub(crate) n_touches: usize,
     /// The largest extent of the touches along an axis, metres.
     pub(crate) size: f64,
@@ -30,7 +30,7 @@ pub(crate) struct Touched {
 }
 
 impl Touched {
-    /// What readings of one sensor say; `are_placed` when they have poses.
+    /// Statistics of the readings of one sensor; `are_placed` when they have poses.
     pub(crate) fn of(readings: &[Reading], sensor: &SensorDescription, are_placed: bool) -> Self {
         let felt: Vec<&Reading> = readings.iter().filter(|r| touches(r, sensor)).collect();
         let positions = || felt.iter().map(|r| r.session_from_sensor().translation);
@@ -46,14 +46,14 @@ impl Touched {
         Self { n_readings: readings.len(), n_touches: felt.len(), size, max_pressure }
     }
 
-    /// In which unit the pressures probably are, when nothing was touched.
+    /// The probable unit of the pressures, when nothing was touched.
     pub(crate) fn meant(&self, sensor: &SensorDescription) -> String {
         let max = Shown(self.max_pressure);
         format!("the largest value is {max}, {}", meant(self.max_pressure, sensor))
     }
 }
 
-/// What is probably a mistake in what an object is trained from.
+/// The probable mistakes in an object's training data.
 pub(crate) fn of_object(touched: &Touched, has_mesh: bool) -> Vec<Warning> {
     let mut warnings = Vec::new();
     let mut warn = |code, detail| {
@@ -81,7 +81,7 @@ pub(crate) fn of_object(touched: &Touched, has_mesh: bool) -> Vec<Warning> {
     warnings
 }
 
-/// What is probably a mistake in a training as a whole.
+/// The probable mistakes in a training as a whole.
 pub(crate) fn of_catalogue(
     sizes: &[(&ObjectReport, f64)],
     skipped: &[SkippedObject],

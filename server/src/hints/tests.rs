@@ -1,4 +1,4 @@
-//! Presses in wrong units are recognised as such, and what is right is left alone.
+//! Tests of warnings: presses in wrong units are recognised, and correct ones pass.
 
 use palpate_core::reading::SensorId;
 use palpate_core::rng::{Purpose, Stream};
@@ -36,7 +36,7 @@ fn scaled(factor: f64) -> Vec<f64> {
 }
 
 #[test]
-fn a_press_in_another_unit_is_named_and_its_unit_too() {
+fn a_press_in_another_unit_is_named_with_its_unit() {
     let sensor = SensorDescription::digitacts_6x6();
     let area = 0.0018 * 0.0018;
     let units = [(1e-3, "kPa"), (1e-5, "bar"), (area, "N for each taxel"), (1e-6, "MPa")];
@@ -52,7 +52,7 @@ fn a_press_in_another_unit_is_named_and_its_unit_too() {
 }
 
 #[test]
-fn presses_empty_images_and_noise_are_left_alone() {
+fn presses_empty_images_and_noise_give_no_warning() {
     assert_eq!(codes(&PRESS, [0.4, -0.1, 0.25]), []);
     assert_eq!(codes(&[0.0; 36], [0.4, -0.1, 0.25]), []);
     let mut n_warned = 0;
@@ -63,20 +63,20 @@ fn presses_empty_images_and_noise_are_left_alone() {
         let noise: Vec<f64> = (0..36).map(|_| deviation * stream.normal()).collect();
         n_warned += codes(&noise, [0.0; 3]).len();
     }
-    // One of 1,000 images of white noise is as smooth as a press, and one in 800 has a taxel four
-    // deviations below zero; of 2,000 images fewer than ten.
+    // One of 1,000 images of white noise is as smooth as a press, and one in 800 has a taxel
+    // four deviations below zero; fewer than ten of 2,000 images.
     assert!(n_warned < 10, "{n_warned} of 2000");
 }
 
 #[test]
-fn positions_in_millimetres_and_far_frames_are_told_apart() {
+fn positions_in_millimetres_and_far_frames_are_distinguished() {
     assert_eq!(codes(&PRESS, [400.0, -100.0, 250.0]), [WarningCode::PositionUnit]);
     assert_eq!(codes(&PRESS, [40e3, 0.0, 0.0]), [WarningCode::PositionFar]);
     assert_eq!(codes(&PRESS, [3.0, 2.0, 1.0]), []);
 }
 
 #[test]
-fn a_request_is_warned_of_each_mistake_once() {
+fn each_mistake_gives_one_warning_per_request() {
     let sensor = SensorDescription::digitacts_6x6();
     let readings: Vec<(Reading, Pose)> = [[0.4, 0.0, 0.2], [0.4, 0.1, 0.2], [2.5, 0.0, 0.2]]
         .iter()

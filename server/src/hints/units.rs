@@ -1,4 +1,4 @@
-//! In which unit pressures probably are.
+//! Estimation of the unit of pressures.
 
 use palpate_core::contact::contact_floor;
 use palpate_core::reading::TactileImage;
@@ -9,26 +9,27 @@ use palpate_core::units::Shown;
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Unit {
     name: &'static str,
-    /// Pascals in one of it.
+    /// Pascals per unit.
     pascals: f64,
 }
 
-/// Arrays of fewer taxels are too small to see a shape in. Chosen: of 4 × 4 taxels the chance of
-/// [`SHAPE_DEVIATIONS`] is that of larger arrays within a factor of two.
+/// Number of taxels below which an array is too small to show a shape. Chosen: for 4 × 4
+/// taxels the probability of [`SHAPE_DEVIATIONS`] is that of larger arrays within a factor of
+/// two.
 const SHAPE_TAXELS_MIN: usize = 16;
-/// How many deviations of white noise's correlation of neighbours a shape is away. Derived: noise
-/// exceeds it once in a thousand images.
+/// Deviations of white noise's correlation of neighbours beyond which an image has a shape.
+/// Derived: noise exceeds it once in a thousand images.
 const SHAPE_DEVIATIONS: f64 = 3.0;
-/// On small arrays, the share of the noise that no image of noise stays below. Derived: a taxel
-/// does with a probability of 0.08, so four taxels together once in 25,000 images.
+/// On small arrays, the share of the noise below which no image of noise stays. Derived: a
+/// taxel does with a probability of 0.08, so four taxels together once in 25,000 images.
 const NOISE_SHARE: f64 = 0.1;
-/// Where no noise is stated, the sensor's range over this takes its place. Derived: the largest
+/// Ratio of the noise to the sensor's range if no noise is stated. Derived: the largest
 /// pressure in kPa is at most that.
 const RANGE_SHARE: f64 = 1e-3;
 
-/// The units in which `max`, the largest value of a press, lies between the pressure from which
-/// the sensor feels anything and its saturation; the likeliest first, which is the one that brings
-/// it nearest to the middle of that range on a scale of factors.
+/// The units in which `max`, the largest value of a press, lies between the sensor's
+/// threshold and its saturation, the likeliest first: the one that brings it nearest to the
+/// middle of that range on a logarithmic scale.
 fn units(max: f64, sensor: &SensorDescription) -> Vec<Unit> {
     let (floor, saturation) = (contact_floor(sensor), sensor.parameters().saturation);
     let area = sensor.grid().taxel_width * sensor.grid().taxel_width;
@@ -45,7 +46,7 @@ fn units(max: f64, sensor: &SensorDescription) -> Vec<Unit> {
     units
 }
 
-/// In which unit values whose largest is `max` probably are, in words.
+/// The probable units of values with maximum `max`, in words.
 pub(super) fn meant(max: f64, sensor: &SensorDescription) -> String {
     let units = units(max, sensor);
     let Some((likely, others)) = units.split_first() else {
@@ -57,9 +58,9 @@ pub(super) fn meant(max: f64, sensor: &SensorDescription) -> String {
     format!("the values are probably in {}: multiply them by {pascals}{others}", likely.name)
 }
 
-/// Whether an image that is no contact is no image of the sensor's noise either: it is wholly
-/// smaller than one deviation, and neighbours are alike as under a press. (On small arrays: much
-/// smaller.)
+/// Whether an image without contact is not an image of the sensor's noise either: it is
+/// smaller than one deviation everywhere, and neighbours are similar as under a press. (On
+/// small arrays: much smaller.)
 pub(super) fn is_structured(image: &TactileImage, sensor: &SensorDescription) -> bool {
     let parameters = sensor.parameters();
     let noise =
@@ -71,8 +72,8 @@ pub(super) fn is_structured(image: &TactileImage, sensor: &SensorDescription) ->
     size < noise && correlation_of_neighbours(image).is_some_and(|found| found > SHAPE_DEVIATIONS)
 }
 
-/// Moran's statistic of neighbours along rows and columns: how many deviations the correlation is
-/// above the one of white noise. `None` for an image of one value.
+/// Moran's statistic of neighbours along rows and columns: deviations of the correlation
+/// above that of white noise. `None` for a constant image.
 fn correlation_of_neighbours(image: &TactileImage) -> Option<f64> {
     let (rows, cols) = (image.rows, image.cols);
     let n = (rows * cols) as f64;

@@ -1,4 +1,4 @@
-//! The memory that beliefs have, counted: each session counts its own into one total.
+//! Accounting of the memory of beliefs: each session adds its own to one total.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Total(Arc<AtomicUsize>);
 
-/// One session's share of the total; dropped, it counts no more.
+/// One session's share of the total, released on drop.
 #[derive(Debug)]
 pub(super) struct Account {
     total: Total,
@@ -27,7 +27,7 @@ impl Total {
 }
 
 impl Account {
-    /// Counts so many bytes from now on. Only one at a time may call it.
+    /// Sets the number of bytes. Not for concurrent calls.
     pub(super) fn set(&self, bytes: usize) {
         let before = self.bytes.swap(bytes, Ordering::Relaxed);
         if bytes >= before {
@@ -49,7 +49,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_total_is_the_sum_of_what_is_held() {
+    fn the_total_is_the_sum_of_all_accounts() {
         let total = Total::default();
         let (a, b) = (total.open(10), total.open(5));
         a.set(7);

@@ -21,7 +21,7 @@ use crate::wire::life::Status;
 use crate::wire::reading::{Incoming, pose_of, warnings};
 use crate::wire::session::options;
 
-/// What a request with readings comes to.
+/// Result of comparing a request's readings with the journal.
 enum Request {
     /// All readings are known: the belief of this revision was their answer.
     Repeat(u64),
@@ -47,7 +47,7 @@ struct Append {
 }
 
 impl Live {
-    /// Stores readings and answers the belief after them.
+    /// Stores readings and returns the belief after them.
     pub(crate) async fn add(
         &self,
         tools: &Tools<'_>,

@@ -1,7 +1,7 @@
-//! What a session believes, by whichever method it recognises: readings in, answers out.
+//! The belief of a session, by any recognition method.
 //!
-//! Sessions know nothing of methods; a method knows nothing of sessions. What a method cannot
-//! fold is refused by [`check`] before it is stored.
+//! Sessions know nothing of methods; a method knows nothing of sessions. [`check`] refuses
+//! readings that a method cannot fold before they are stored.
 
 use std::sync::Arc;
 
@@ -36,29 +36,29 @@ use crate::wire::next_touch::Question;
 use crate::wire::reading::{ERRORS_MAX, Incoming};
 use crate::wire::session::{Options, options, surface_options};
 
-/// Poses of pair maps are one within half a bin and a few degrees: they are refined.
+/// Scale at which refined poses of pair maps are equal: half a bin and a few degrees.
 const SVA_SCALE: OrbitScale = OrbitScale { distance: 4.0 * MM, angle: 8.0 * DEG };
-/// So many poses of pair maps are looked at for each that is answered.
+/// Number of poses of pair maps considered for each answered one.
 const MODES_OF_AN_ORBIT: usize = 4;
 
-/// A belief, by method. A copy takes in readings as what it was copied from, bit for bit.
+/// A belief, by method. A copy folds readings like its original, bit for bit.
 #[derive(Clone)]
 pub(crate) enum SessionBelief {
     Surface(Box<SurfaceBelief>),
-    /// With the symmetries of the objects; none as printed.
+    /// With the symmetries of the objects; none for the printed method.
     Sva(SvaBelief, Arc<[Symmetry]>),
     Geometric(GeometricBelief),
     Appearance(AppearanceBelief),
 }
 
-/// How probable each coordinate of an object's pose is.
+/// The distribution of each coordinate of an object's pose.
 pub(crate) struct ObjectMarginals {
     pub(crate) object: ObjectIdx,
     pub(crate) probability: f64,
     pub(crate) marginals: Marginals,
 }
 
-/// Why there is no belief.
+/// Error of a belief.
 #[derive(Debug, Error)]
 pub(crate) enum BeliefError {
     #[error(transparent)]
@@ -121,7 +121,7 @@ impl SessionBelief {
         }
     }
 
-    /// The memory that a belief by geometry takes, nothing being made; `None` by other methods.
+    /// Memory of a geometric belief, without creating it; `None` for other methods.
     pub(crate) fn memory(
         session: &Session,
         model: &Model,
@@ -136,7 +136,7 @@ impl SessionBelief {
         Ok(Some(GeometricBelief::memory(model.prepared()?, &options, prior)?))
     }
 
-    /// Bytes of memory that it has for itself.
+    /// Bytes of memory of its own.
     pub(crate) fn bytes(&self) -> usize {
         match self {
             Self::Surface(belief) => belief.bytes(),
@@ -146,7 +146,7 @@ impl SessionBelief {
         }
     }
 
-    /// Ends what takes long from now on when `stop` is asked for.
+    /// Makes long loops unwind once `stop` is requested.
     pub(crate) fn heed(&mut self, stop: &Stop) {
         match self {
             Self::Surface(belief) => belief.heed(stop),
@@ -157,7 +157,7 @@ impl SessionBelief {
         }
     }
 
-    /// Takes a reading into account: as it is `stored`, and as core knows it.
+    /// Adds a reading: in its `stored` form, and in core's.
     pub(crate) fn add(
         &mut self,
         stored: &StoredReading,
@@ -186,7 +186,7 @@ impl SessionBelief {
         }
     }
 
-    /// What it has concluded, for methods whose search is worth to keep.
+    /// The checkpoint, for methods with an expensive search.
     pub(crate) fn conclusions(&self) -> Option<Vec<u8>> {
         match self {
             Self::Surface(belief) => Some(belief.checkpoint()),
@@ -194,7 +194,7 @@ impl SessionBelief {
         }
     }
 
-    /// Takes note of a reading whose conclusions [`SessionBelief::resume`] brings; whether the
+    /// Registers a reading whose effect [`SessionBelief::resume`] restores; whether the
     /// method can.
     pub(crate) fn retrace(
         &mut self,
@@ -210,14 +210,14 @@ impl SessionBelief {
         true
     }
 
-    /// Takes over conclusions from readings that were all retraced; whether they fit.
+    /// Restores a checkpoint of readings that were all retraced; whether it fits.
     pub(crate) fn resume(&mut self, conclusions: &[u8]) -> bool {
         let Self::Surface(belief) = self else { return false };
         belief.resume(conclusions).is_ok()
     }
 
-    /// By how many bits the belief expects a reading more than a touch anywhere; `None` when the
-    /// method does not say.
+    /// log₂ ratio of a reading's density in the belief to that of a touch anywhere; `None`
+    /// when the method has none.
     pub(crate) fn fit_bits(&self, reading: &Reading, sensor: &SensorDescription) -> Option<f64> {
         let Self::Surface(belief) = self else { return None };
         Some(belief.log_predictive(reading, sensor)? / std::f64::consts::LN_2)
@@ -234,7 +234,7 @@ impl SessionBelief {
     }
 
     /// The marginals of an object's pose, or the likeliest object's; `None` when the method
-    /// keeps none or the object is impossible.
+    /// has none or the object is impossible.
     pub(crate) fn marginals(&self, object: Option<ObjectIdx>) -> Option<ObjectMarginals> {
         let belief = match self {
             Self::Surface(_) | Self::Sva(..) | Self::Appearance(_) => return None,
@@ -246,8 +246,8 @@ impl SessionBelief {
         Some(ObjectMarginals { object, probability, marginals: belief.marginals(object)? })
     }
 
-    /// Where to touch next; `None` when the method does not know, or nothing says where the
-    /// object is.
+    /// The best next touches; `None` when the method has none, or the position of the object
+    /// is unknown.
     pub(crate) fn next_touches(
         &self,
         question: &Question,
@@ -258,7 +258,7 @@ impl SessionBelief {
     }
 }
 
-/// How a session by geometry works.
+/// The options of a geometric session.
 fn geometric_options(options: &Options, seed: u64) -> Result<GeometricOptions, BeliefError> {
     let filter = match (options.method, options.bins, options.particles) {
         (Method::GeometricHistogram, Some(n), _) => {
@@ -278,7 +278,7 @@ fn geometric_options(options: &Options, seed: u64) -> Result<GeometricOptions, B
     Ok(GeometricOptions { pose: core_prior(pose)?, filter, seed })
 }
 
-/// The answer of pair maps, poses that look alike by the objects' symmetries merged.
+/// The answer of pair maps, with poses that are equal under the objects' symmetries merged.
 fn sva_answer(belief: &SvaBelief, symmetries: &[Symmetry], n_modes: usize) -> Answer {
     if symmetries.iter().all(Symmetry::is_none) {
         return belief.answer(n_modes);
@@ -290,7 +290,7 @@ fn sva_answer(belief: &SvaBelief, symmetries: &[Symmetry], n_modes: usize) -> An
     answer
 }
 
-/// Refuses readings that a session's method cannot fold, each by its field that says so.
+/// Refuses readings that a session's method cannot fold, naming the field.
 pub(crate) fn check(
     session: &Session,
     model: &Model,
@@ -306,7 +306,7 @@ pub(crate) fn check(
     if errors.is_empty() { Ok(()) } else { Err(Invalid(errors).into()) }
 }
 
-/// The field of a reading that a method cannot fold, and why.
+/// The field of a reading that a method cannot fold, and the reason.
 fn unfit(options: &Options, model: &Model, incoming: &Incoming) -> Option<(&'static str, String)> {
     let (reading, stored) = (&incoming.reading, &incoming.stored);
     if options.method.is_appearance() {
@@ -339,7 +339,7 @@ fn unfit(options: &Options, model: &Model, incoming: &Incoming) -> Option<(&'sta
     }
 }
 
-/// The same for methods that compare appearance alone.
+/// Like [`unfit`], for methods that compare appearance alone.
 fn unfit_for_appearance(model: &Model, incoming: &Incoming) -> Option<(&'static str, String)> {
     let source = model.core.appearance.as_ref()?.vocabulary.source;
     let feature = incoming.stored.feature.as_ref();

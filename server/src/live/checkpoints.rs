@@ -1,9 +1,9 @@
-//! Checkpoints of beliefs, in files: what a restart need not fold again.
+//! Checkpoints of beliefs, in files, which save folding after a restart.
 //!
-//! They are derived from the journal and may be missing, old or torn without harm. One is used
-//! only if the very same program made it, on a processor of the same abilities, for the same
-//! version of the catalogue, from the readings that the session's order begins with. So the
-//! belief is the same, bit for bit, with and without them.
+//! They are derived from the journal and may be missing, old or torn without harm. A
+//! checkpoint is used only if the very same program made it, on a processor of the same
+//! abilities, for the same version of the catalogue, from the first readings of the session's
+//! order. So the belief is the same, bit for bit, with and without it.
 
 use std::fs;
 use std::io::{ErrorKind, Read};
@@ -12,9 +12,9 @@ use std::sync::OnceLock;
 
 use uuid::Uuid;
 
-/// What the files begin with: Palpate's checkpoints, first format.
+/// Magic number of the files: Palpate's checkpoints, first format.
 const MAGIC: [u8; 8] = *b"PALPCHK1";
-/// No file of a checkpoint is longer, in bytes.
+/// Maximum length of a checkpoint's file, bytes.
 const BYTES_MAX: u64 = 64 << 20;
 const HASH_BYTES: usize = 32;
 
@@ -24,29 +24,28 @@ pub(crate) struct Checkpoints {
     folder: PathBuf,
 }
 
-/// A belief's conclusions, and what they rest on.
+/// A checkpoint and the readings behind it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Checkpoint {
     pub(crate) catalogue: Uuid,
     pub(crate) version: u32,
-    /// Numbers of the readings of the presses, in the order in which they were folded, as
-    /// `live::order` stores them.
+    /// Numbers of the readings of the presses, in folding order, as `live::order` stores them.
     pub(crate) order: Vec<u32>,
     pub(crate) conclusions: Vec<u8>,
 }
 
 impl Checkpoints {
-    /// In a folder that is made when the first is kept.
+    /// Checkpoints in a folder that is created with the first one.
     pub(crate) fn new(folder: PathBuf) -> Self {
         Self { folder }
     }
 
-    /// Keeps a checkpoint in place of the session's last one. Blocks.
+    /// Replaces the session's checkpoint. Blocks.
     pub(crate) fn keep(&self, session: Uuid, checkpoint: &Checkpoint) {
         let Some(program) = program() else { return };
         let bytes = encode(program, checkpoint);
         let (path, part) = (self.path(session), self.path(session).with_extension("part"));
-        // Not flushed: a torn file is told by its hash, and only costs time.
+        // Not flushed: a torn file fails its hash, and only costs time.
         let kept = fs::create_dir_all(&self.folder)
             .and_then(|()| fs::write(&part, bytes))
             .and_then(|()| fs::rename(&part, &path));
@@ -55,7 +54,7 @@ impl Checkpoints {
         }
     }
 
-    /// The session's checkpoint, if there is one of this program's. Blocks.
+    /// The session's checkpoint, if it was made by this program. Blocks.
     pub(crate) fn find(&self, session: Uuid) -> Option<Checkpoint> {
         let mut bytes = Vec::new();
         let file = fs::File::open(self.path(session)).ok()?;
@@ -68,7 +67,7 @@ impl Checkpoints {
         remove(&self.path(session));
     }
 
-    /// Removes every file that is not a checkpoint of a session that is to stay. Blocks.
+    /// Removes every file that is not a checkpoint of a session that stays. Blocks.
     pub(crate) fn tidy(&self, stays: impl Fn(Uuid) -> bool) {
         let Ok(files) = fs::read_dir(&self.folder) else { return };
         for file in files.flatten() {
@@ -93,8 +92,8 @@ fn remove(path: &Path) {
     }
 }
 
-/// The hash of this program and of what its processor can do: numeric code may differ in last
-/// bits otherwise. `None` when the program cannot read itself.
+/// Hash of this program and its processor's abilities, since the last bits of numeric code
+/// may differ otherwise. `None` when the program cannot read itself.
 fn program() -> Option<[u8; HASH_BYTES]> {
     static PROGRAM: OnceLock<Option<[u8; HASH_BYTES]>> = OnceLock::new();
     *PROGRAM.get_or_init(|| {
@@ -112,7 +111,7 @@ fn program() -> Option<[u8; HASH_BYTES]> {
     })
 }
 
-/// What numeric libraries choose their code by.
+/// The processor features that numeric libraries depend on.
 #[cfg(target_arch = "x86_64")]
 fn processor() -> u8 {
     u8::from(std::arch::is_x86_feature_detected!("avx"))
@@ -121,7 +120,7 @@ fn processor() -> u8 {
         | u8::from(std::arch::is_x86_feature_detected!("avx512f")) << 3
 }
 
-/// What numeric libraries choose their code by.
+/// The processor features that numeric libraries depend on.
 #[cfg(not(target_arch = "x86_64"))]
 fn processor() -> u8 {
     0
@@ -171,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_kept_is_found_until_it_is_removed_or_not_to_stay() {
+    fn checkpoints_are_found_until_removed_or_tidied() {
         let folder = tempfile::tempdir().unwrap();
         let checkpoints = Checkpoints::new(folder.path().join("checkpoints"));
         let [a, b] = [1, 2].map(Uuid::from_u128);
@@ -190,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_damaged_or_made_by_another_program_is_not_used() {
+    fn damaged_and_foreign_checkpoints_are_not_used() {
         let bytes = encode([1; HASH_BYTES], &checkpoint());
         assert_eq!(decode([1; HASH_BYTES], &bytes), Some(checkpoint()));
         assert_eq!(decode([2; HASH_BYTES], &bytes), None);

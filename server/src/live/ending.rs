@@ -1,4 +1,4 @@
-//! How a session ends: it is closed or deleted, and its belief held against the truth.
+//! The end of a session: closing, deletion, and comparison of its belief with the truth.
 
 use palpate_schemas as wire;
 use palpate_store::database::Database;
@@ -10,7 +10,7 @@ use crate::clock::now_ms;
 use crate::refusal::Refusal;
 
 impl Live {
-    /// Closes the session: nothing follows in its journal. Closing it again changes nothing.
+    /// Closes the session with the last entry of its journal. Closing it again changes nothing.
     pub(crate) async fn close(&self, store: &Database) -> Result<(), Refusal> {
         let _turn = self.turns.insist().await;
         let now = now_ms();
@@ -30,14 +30,14 @@ impl Live {
         Ok(())
     }
 
-    /// Deletes the session while nobody else works on it.
+    /// Deletes the session while no other request uses it.
     pub(crate) async fn delete(&self, store: &Database) -> Result<(), Refusal> {
         let _turn = self.turns.insist().await;
         store.remove_session(self.session.id).await?;
         Ok(())
     }
 
-    /// What the belief says of what the object was; `None` is none of the catalogue's.
+    /// Compares the belief with the true object; `None` is an object outside the catalogue.
     pub(crate) async fn judge(
         &self,
         tools: &Tools<'_>,

@@ -1,8 +1,8 @@
-//! What each reading contributed to a belief: it is compared with the belief of all others.
+//! Contribution of each reading to a belief, by comparison with the belief of all others.
 //!
-//! Leave-one-out, with the method that the session has, whichever that is: the readings are
-//! folded without each in turn, from the belief of those before it. For n readings n²/2 folds;
-//! so n is bounded, the work is done in slices and ends when time is up.
+//! Leave-one-out with the session's own method: the readings are folded without each in turn,
+//! from the belief of those before it. That takes n²/2 folds for n readings, so n is limited,
+//! the work is done in slices and ends at its time limit.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -19,30 +19,30 @@ use crate::live::belief::SessionBelief;
 use crate::refusal::Refusal;
 use crate::wire::history::{self, Without};
 
-/// The most readings of a belief that is explained.
+/// Maximum number of readings of an explained belief.
 const READINGS_MAX: usize = 200;
-/// How long one answer may take altogether.
+/// Time limit of one answer.
 const TIME_MAX: Duration = Duration::from_secs(60);
 
-/// A comparison under way.
+/// A comparison in progress.
 struct Comparison {
     folding: Folding,
-    /// In the order in which they are folded.
+    /// In folding order.
     readings: Vec<Arc<Ready>>,
-    /// The belief of all.
+    /// The belief of all readings.
     whole: Answer,
-    /// The belief of those before the reading that is left out now.
+    /// The belief of the readings before the one left out.
     before: SessionBelief,
-    /// The belief without that reading, and how many readings it has seen or left out.
+    /// The belief without that reading, and the number of readings it has folded or left out.
     without: Option<(SessionBelief, usize)>,
-    /// From this reading on the object rests where the belief has it.
+    /// Index of the first reading from which the object rests at its believed pose.
     resting: usize,
-    /// What is believed without each reading, as far as it is known.
+    /// The known beliefs without each reading.
     known: Vec<Without>,
 }
 
 impl Live {
-    /// What each reading contributed to the belief of a revision, the newest if none is named.
+    /// The contribution of each reading to the belief of a revision, the newest if none is named.
     pub(crate) async fn explain(
         &self,
         tools: &Tools<'_>,
@@ -69,7 +69,7 @@ impl Live {
 }
 
 impl Comparison {
-    /// Folds all readings of a revision, and is ready to leave out the first.
+    /// Folds all readings of a revision, and prepares to leave out the first.
     fn begin(folding: Folding, revision: usize) -> Result<Self, Refusal> {
         let chronicle = folding.chronicle(revision)?;
         let order = chronicle.order();
@@ -92,7 +92,7 @@ impl Comparison {
         self.known.len() == self.readings.len()
     }
 
-    /// Goes on for a slice of time.
+    /// Works for a slice of time.
     fn go_on(&mut self) -> Result<(), Refusal> {
         let begun = Instant::now();
         while !self.is_complete() && begun.elapsed() < SLICE {

@@ -1,6 +1,6 @@
-//! Folding a session's readings into its belief, on a thread of the compute pool.
+//! Folding of a session's readings into its belief, on a thread of the compute pool.
 //!
-//! The journal says which readings there are, the chronicle in which order they are folded.
+//! The journal holds the readings, the chronicle their folding order.
 
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ use crate::compute::ComputeError;
 use crate::model::Model;
 use crate::refusal::Refusal;
 
-/// Everything that folding needs, on a thread of the pool.
+/// Everything that folding needs on a thread of the pool.
 pub(crate) struct Folding {
     pub(super) session: Session,
     pub(super) model: Arc<Model>,
@@ -28,11 +28,11 @@ pub(crate) struct Folding {
     pub(super) asker: Asker,
 }
 
-/// So many readings are folded before their belief is stored, or stored again.
+/// Number of folded readings after which a belief is stored, or stored again.
 const READINGS_PER_CHECKPOINT: usize = 16;
 
 impl Folding {
-    /// Brings what is in memory up to the journal's first `length` entries.
+    /// Updates the memory to the journal's first `length` entries.
     pub(super) fn bring<'memory>(
         &self,
         memory: &'memory mut Memory,
@@ -53,7 +53,7 @@ impl Folding {
         };
         let folded = self.fold_on(&mut fold, &order, |fold| memory.note(fold, self.method));
         if matches!(folded, Ok(()) | Err(Refusal::Compute(ComputeError::Stopped))) {
-            // Where it ended the next one goes on.
+            // The next fold continues from its end.
             memory.keep(fold);
         }
         folded?;
@@ -61,7 +61,7 @@ impl Folding {
         memory.newest().ok_or_else(|| self.readings.gone())
     }
 
-    /// Stores the newest belief if it rests on `more` readings more than the one that is stored.
+    /// Stores the newest belief if it includes `more` readings more than the stored one.
     pub(super) fn store(&self, memory: &mut Memory, more: usize) {
         let order = memory.chronicle.order().to_vec();
         let Some(fold) = memory.unstored(more) else { return };
@@ -71,7 +71,7 @@ impl Folding {
         self.checkpoints.keep(id, &Checkpoint { catalogue, version, order, conclusions });
     }
 
-    /// The belief that is stored, if it rests on what `order` begins with.
+    /// The stored belief, if its readings are the first of `order`.
     fn resumed(&self, order: &[Touch]) -> Result<Option<Fold>, Refusal> {
         let Some(checkpoint) = self.checkpoints.find(self.session.id) else { return Ok(None) };
         let Checkpoint { catalogue, version, order: rests_on, conclusions } = checkpoint;
@@ -94,8 +94,8 @@ impl Folding {
         Ok(Some(fold))
     }
 
-    /// The belief after the journal's first `length` entries, folded anew; from `start`, when
-    /// that is known to be on the way. `None` when the journal has fewer entries.
+    /// The belief after the journal's first `length` entries, folded from `start` if given,
+    /// else from nothing. `None` when the journal has fewer entries.
     pub(super) fn past(
         &self,
         length: usize,
@@ -113,7 +113,7 @@ impl Folding {
         Ok(fold.belief)
     }
 
-    /// What the journal's first `length` entries say.
+    /// The chronicle of the journal's first `length` entries.
     pub(super) fn chronicle(&self, length: usize) -> Result<Chronicle, Refusal> {
         let mut chronicle = Chronicle::default();
         self.readings.tell(&mut chronicle, length)?;
@@ -134,7 +134,7 @@ impl Folding {
         Ok(Fold { belief, n: 0 })
     }
 
-    /// Folds the presses of `order` that are missing; `each` sees the belief after each.
+    /// Folds the missing presses of `order`; `each` receives the belief after each.
     pub(super) fn fold_on(
         &self,
         fold: &mut Fold,
@@ -154,7 +154,7 @@ impl Folding {
         Ok(())
     }
 
-    /// Takes a reading into account.
+    /// Adds a reading to a belief.
     pub(super) fn add(&self, belief: &mut SessionBelief, ready: &Ready) -> Result<(), Refusal> {
         if self.asker.is_gone() {
             return Err(ComputeError::Stopped.into());
@@ -163,7 +163,7 @@ impl Folding {
         belief.add(stored, reading, &sensor.description).map_err(|error| self.unusable(&error))
     }
 
-    /// By how many bits a belief expects a reading more than a touch anywhere.
+    /// log₂ ratio of a reading's density in a belief to that of a touch anywhere.
     pub(super) fn fit_bits(belief: &SessionBelief, ready: &Ready) -> Option<f64> {
         belief.fit_bits(&ready.reading, &ready.sensor.description)
     }

@@ -1,10 +1,10 @@
-//! What is in memory of a session's beliefs: the newest, and a few earlier ones to go back to.
+//! Beliefs of a session in memory: the newest, and a few earlier ones to return to.
 //!
-//! A belief rests on the first `n` presses of the order. A late reading or a retraction
-//! forgets the beliefs that rest on more than what stays before it; the next fold begins with
-//! the newest that is left. Earlier beliefs are kept at growing distances, so that going back
-//! by `k` readings folds a multiple of `k` again, not all of them. Copies equal what they are
-//! copied from, so it changes no bit where a fold begins.
+//! A belief includes the first `n` presses of the order. A late reading or a retraction drops
+//! the beliefs that include more than the unchanged part before it; the next fold starts from
+//! the newest one left. Earlier beliefs are kept at growing distances, so that returning by
+//! `k` readings folds a multiple of `k` again, not all of them. Copies equal their originals,
+//! so the start of a fold changes no bit.
 
 use palpate_schemas::Method;
 use palpate_store::journal::Entry;
@@ -12,34 +12,34 @@ use palpate_store::journal::Entry;
 use super::order::{Chronicle, Touch};
 use crate::live::belief::SessionBelief;
 
-/// Earlier beliefs that are kept.
+/// Maximum number of earlier beliefs kept.
 const CHECKPOINTS_MAX: usize = 4;
-/// So many readings lie between two beliefs that are kept, at least.
+/// Minimum number of readings between two kept beliefs.
 const STRIDE: usize = 4;
 
-/// A belief and how many presses of the order it rests on.
+/// A belief and the number of presses it includes.
 #[derive(Clone)]
 pub(super) struct Fold {
     pub(super) belief: SessionBelief,
     pub(super) n: usize,
 }
 
-/// The order in which presses are to be folded, and how far they are, if anything is.
+/// The folding order of presses, and a belief on the way, if any.
 pub(super) type Start = (Vec<Touch>, Option<Fold>);
 
-/// What is in memory of a session.
+/// Memory of a session.
 #[derive(Default)]
 pub(super) struct Memory {
     pub(super) chronicle: Chronicle,
     newest: Option<Fold>,
     /// Ascending.
     checkpoints: Vec<Fold>,
-    /// How many readings of the order the checkpoint rests on that is stored.
+    /// Number of readings in the stored checkpoint.
     stored: usize,
 }
 
 impl Memory {
-    /// Bytes of all that is kept.
+    /// Bytes of everything kept.
     pub(super) fn bytes(&self) -> usize {
         let folds = self.checkpoints.iter().chain(&self.newest);
         self.chronicle.bytes() + folds.map(|fold| fold.belief.bytes()).sum::<usize>()
@@ -50,8 +50,8 @@ impl Memory {
         self.chronicle.take(entry);
     }
 
-    /// Brings the order up to what was taken, and forgets what that makes wrong; gives how many
-    /// presses of the order stay as they were.
+    /// Updates the order to the entries taken, and drops beliefs that it invalidates; the
+    /// number of presses at the start of the order that are unchanged.
     pub(super) fn settle(&mut self) -> usize {
         let stays = self.chronicle.settle();
         self.newest = self.newest.take().filter(|fold| fold.n <= stays);
@@ -60,7 +60,7 @@ impl Memory {
         stays
     }
 
-    /// The belief to go on from, taken out; `None` begins with nothing.
+    /// The belief to continue from, taken out; `None` starts from nothing.
     pub(super) fn begin(&mut self) -> Option<Fold> {
         self.newest.take().or_else(|| self.checkpoints.last().cloned())
     }
@@ -75,20 +75,20 @@ impl Memory {
         self.newest.as_ref().map(|fold| &fold.belief)
     }
 
-    /// The newest belief, if it rests on `more` readings more than the one that is stored; it
-    /// counts as stored from now on.
+    /// The newest belief, if it includes `more` readings more than the stored one; it counts
+    /// as stored from now on.
     pub(super) fn unstored(&mut self, more: usize) -> Option<&Fold> {
         let newest = self.newest.as_ref().filter(|fold| fold.n >= self.stored + more)?;
         self.stored = newest.n;
         Some(newest)
     }
 
-    /// Notes that a stored belief rests on the first `n` readings of the order.
+    /// Records that a stored belief includes the first `n` readings of the order.
     pub(super) fn is_stored(&mut self, n: usize) {
         self.stored = n;
     }
 
-    /// Keeps a copy of a belief to go back to, now and then; one at most of every few.
+    /// Keeps a copy of a belief to return to, once in every few readings.
     pub(super) fn note(&mut self, fold: &Fold, method: Method) {
         let is_new = self.checkpoints.last().is_none_or(|last| last.n < fold.n);
         if !fold.n.is_multiple_of(STRIDE) || !is_new || !is_light(method) {
@@ -101,7 +101,7 @@ impl Memory {
         }
     }
 
-    /// The newest belief of those that rest on readings as `order` has them, copied.
+    /// A copy of the newest belief whose readings agree with `order`.
     pub(super) fn before(&self, order: &[Touch]) -> Option<Fold> {
         let both = order.iter().zip(self.chronicle.order());
         let common = both.take_while(|(then, now)| then == now).count();
@@ -122,8 +122,8 @@ fn is_light(method: Method) -> bool {
     }
 }
 
-/// Which of ascending places (never the last) is missed least: the gap that it leaves is the
-/// smallest beside its distance from the end.
+/// Index of the most dispensable of ascending positions (never the last): the gap that it
+/// leaves is the smallest relative to its distance from the end.
 fn least_missed(at: &[usize]) -> usize {
     let end = at.last().copied().unwrap_or(0) + 1;
     let missed = |place: usize| {
@@ -140,7 +140,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_kept_lies_at_growing_distances() {
+    fn kept_beliefs_lie_at_growing_distances() {
         let mut at: Vec<usize> = Vec::new();
         for n in (STRIDE..=400).step_by(STRIDE) {
             at.push(n);

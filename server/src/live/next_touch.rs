@@ -1,4 +1,4 @@
-//! Where a session is best touched next, by its belief as it is now.
+//! The best next touches of a session, by its present belief.
 
 use std::time::Instant;
 
@@ -14,7 +14,7 @@ use crate::wire::next_touch::{Question, next_touches};
 use crate::wire::session::options;
 
 impl Live {
-    /// Where to touch next. `begun` is when the question came: its deadline counts from there.
+    /// The best next touches. `begun` is the time of the request, from which its deadline counts.
     pub(crate) async fn next_touches(
         &self,
         tools: &Tools<'_>,

@@ -1,10 +1,10 @@
-//! The one order in which a session's presses are folded, whatever order their readings came in.
+//! The folding order of a session's presses, independent of the order of arrival.
 //!
 //! Readings are ordered by their time stamps (those without one come first), then by robot,
-//! then by the robot's own number; without an id, a reading stands where it came among those
-//! of its stamp, before those with an id. Of the frames of one press one counts (`presses`), in
-//! its own place. So the order of readings with ids is a function of their set.
-//! Not here: beliefs.
+//! then by the robot's own number. A reading without an id comes before those with an id of
+//! the same stamp, in order of arrival. One frame of each press counts (`presses`), in its
+//! own place. So the order of readings with ids is a function of their set. Not here:
+//! beliefs.
 
 use std::collections::BTreeSet;
 
@@ -13,13 +13,13 @@ use palpate_store::journal::{Entry, Event};
 
 use super::presses::{Frame, presses};
 
-/// What a robot's name takes in memory, about.
+/// Approximate memory of a robot's name.
 const ROBOT_BYTES: usize = 16;
-/// Marks, in a stored order, a reading whose announced motion goes before the next one's press.
-/// Numbers of readings are below: a session has 10,000 or a few more.
+/// Mark, in a stored order, of a reading whose announced motion precedes the next one's
+/// press. Numbers of readings are below: a session has 10,000 or a few more.
 const MOVES: u32 = 1 << 31;
 
-/// Where a reading stands. The order of the fields is the order of readings.
+/// Sort key of a reading; the order of the fields is the order of readings.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Place {
     pub(super) stamp_ns: Option<i64>,
@@ -27,7 +27,7 @@ pub(super) struct Place {
     pub(super) number: u32,
 }
 
-/// A reading that came: where it stands, and what tells the press that it is of.
+/// A reading that arrived: its sort key, and the data that determine its press.
 #[derive(Clone, Debug)]
 pub(super) struct Added {
     pub(super) place: Place,
@@ -39,11 +39,11 @@ pub(super) struct Added {
 pub(crate) struct Touch {
     /// The reading that counts.
     pub(crate) number: u32,
-    /// The first frame of the press, when that announced a motion and is another reading.
+    /// The first frame of the press, if it announced a motion and is another reading.
     pub(crate) moved_by: Option<u32>,
 }
 
-/// What an entry of the journal does to the readings.
+/// Effect of a journal entry on the readings.
 #[derive(Clone, Debug)]
 enum Change {
     Adds(Box<Added>),
@@ -51,30 +51,30 @@ enum Change {
     Nothing,
 }
 
-/// What a journal's first entries say, and the order of the presses that count.
+/// Content of a journal's first entries, and the order of the presses that count.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Chronicle {
     changes: Vec<Change>,
     /// Numbers of the readings that are not withdrawn, in their order.
     standing: Vec<u32>,
-    /// The presses in the order in which they are folded, as of the last settling.
+    /// The presses in folding order, as of the last settling.
     order: Vec<Touch>,
 }
 
 impl Chronicle {
-    /// Bytes of what is known, about: names of robots are short.
+    /// Approximate memory; names of robots are short.
     pub(crate) fn bytes(&self) -> usize {
         self.changes.capacity() * (size_of::<Change>() + size_of::<Added>() + ROBOT_BYTES)
             + self.standing.capacity() * size_of::<u32>()
             + self.order.capacity() * size_of::<Touch>()
     }
 
-    /// How many entries are known.
+    /// Number of known entries.
     pub(crate) fn len(&self) -> usize {
         self.changes.len()
     }
 
-    /// The presses in the order in which they are folded, as of the last settling.
+    /// The presses in folding order, as of the last settling.
     pub(crate) fn order(&self) -> &[Touch] {
         &self.order
     }
@@ -106,8 +106,8 @@ impl Chronicle {
         self.changes.push(Change::Adds(Box::new(Added { place, frame: Frame::of(reading) })));
     }
 
-    /// Brings the order up to the entries that were taken; gives how many presses at its
-    /// beginning stay as they were.
+    /// Updates the order to the entries taken; the number of presses at its start that are
+    /// unchanged.
     pub(crate) fn settle(&mut self) -> usize {
         let standing = self.standing.iter().filter_map(|number| self.added(*number));
         let order = presses(&standing.collect::<Vec<_>>());
@@ -133,7 +133,7 @@ impl Chronicle {
     }
 }
 
-/// An order as it is stored: the numbers of its readings, those of announced motions marked.
+/// The stored form of an order: the numbers of its readings, those of announced motions marked.
 pub(crate) fn stored_order(order: &[Touch]) -> Vec<u32> {
     let numbers = |touch: &Touch| {
         let moves = touch.moved_by.map(|number| number | MOVES);
@@ -142,7 +142,7 @@ pub(crate) fn stored_order(order: &[Touch]) -> Vec<u32> {
     order.iter().flat_map(numbers).collect()
 }
 
-/// How many presses a stored order has, if `order` begins with it.
+/// The number of presses of a stored order, if `order` begins with it.
 pub(crate) fn begins_with(order: &[Touch], stored: &[u32]) -> Option<usize> {
     let n = stored.iter().filter(|number| **number & MOVES == 0).count();
     (stored_order(order.get(..n)?) == stored).then_some(n)
@@ -228,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn stamps_come_first_then_robots_then_their_numbers_then_arrival() {
+    fn readings_sort_by_stamp_robot_number_and_arrival() {
         let it = chronicle(&[
             reading(Some(5), Some(("a", 0))),   // 0
             reading(Some(4), Some(("b", 9))),   // 1
@@ -244,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stays_is_before_the_late_reading_or_the_withdrawn_one() {
+    fn presses_before_a_late_or_retracted_reading_stay() {
         let mut it = chronicle(&[
             reading(Some(1), Some(("a", 1))),
             reading(Some(2), Some(("a", 2))),
@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn the_order_of_an_earlier_time_knows_nothing_of_what_came_later() {
+    fn an_earlier_order_ignores_later_entries() {
         let mut it = chronicle(&[
             reading(Some(7), Some(("a", 1))),
             reading(Some(6), Some(("a", 2))),

@@ -1,6 +1,6 @@
-//! Beliefs as they were: after the first entries of a session's journal.
+//! Earlier beliefs: after the first entries of a session's journal.
 //!
-//! They never change, so nobody waits for them but who asks.
+//! They never change, so they need no turn at the session.
 
 use palpate_core::belief::answer::Answer;
 use palpate_schemas as wire;
@@ -26,12 +26,12 @@ impl Live {
             return Ok(None);
         }
         let place = tools.pool.place()?;
-        // Whoever is folding right now is not waited for.
+        // Does not wait for a fold in progress.
         let start = self.turns.try_take().and_then(|state| start(&state.memory, at));
         Ok(Some(self.past(tools, place, at, poses, start).await?))
     }
 
-    /// Refuses a revision that the session has not had yet.
+    /// Refuses a future revision.
     pub(super) fn check_revision(
         &self,
         tools: &Tools<'_>,

@@ -1,10 +1,11 @@
-//! Presses: the frames that a driver sends of one press count once.
+//! Presses: several frames that a driver sends of one press count once.
 //!
 //! A press is a run of readings of one robot and one sensor, in the order of readings: each
-//! within a second of the one before by the robot's stamps, and each at the place of the first.
-//! The deepest settled frame counts. Readings without a stamp or a pose are presses of their own:
-//! nothing says when or where they were, and the server's clock is no part of the mathematics.
-//! A function of the set of readings alone, so that no order of arrival changes a belief.
+//! within a second of the one before by the robot's stamps, and each at the pose of the
+//! first. The deepest settled frame counts. Readings without a stamp or a pose are separate
+//! presses: their time or pose is unknown, and the server's clock is not part of the
+//! mathematics. The result depends on the set of readings alone, so no order of arrival
+//! changes a belief.
 
 use std::collections::BTreeMap;
 
@@ -15,23 +16,23 @@ use uuid::Uuid;
 
 use super::order::{Added, Touch};
 
-/// Frames of one press follow each other within this, nanoseconds. Chosen: drivers send 10 to
+/// Maximum time between two frames of one press, nanoseconds. Chosen: drivers send 10 to
 /// 1,000 frames a second, and no arm lifts, moves and presses again within one.
 const GAP_NS: i64 = 1_000_000_000;
-/// Frames of one press are within this of its first, metres. Chosen: a covering gives way by 1 to
-/// 4 mm and drags along by as much, and an array is 12 mm wide.
+/// Maximum distance of a press's frames from its first, metres. Chosen: a covering yields by
+/// 1 to 4 mm and drags along by as much, and an array is 12 mm wide.
 const PLACE: f64 = 5.0 * MM;
-/// And turned by at most this, rad. Chosen: an arm that presses yields by less.
+/// Maximum rotation of a press's frames, rad. Chosen: an arm that presses yields by less.
 const TURN: f64 = 10.0 * DEG;
 
-/// What tells which press a reading is of, and how deep it is.
+/// Data that determine the press of a reading, and its depth.
 #[derive(Clone, Debug)]
 pub(super) struct Frame {
     sensor: Uuid,
     session_from_sensor: Option<Pose>,
     /// The mean of its pressures, Pa.
     pressure: f64,
-    /// Whether the object may have moved before it: then it begins a press.
+    /// Whether the object may have moved before it: then it starts a press.
     object_moved: bool,
 }
 
@@ -61,9 +62,9 @@ impl Frame {
     }
 }
 
-/// The presses of readings that are in order, each by the reading that counts and in its place.
+/// The presses of ordered readings, each represented and placed by the reading that counts.
 pub(super) fn presses(readings: &[&Added]) -> Vec<Touch> {
-    // By their places in `readings`.
+    // By their indices in `readings`.
     let mut open: BTreeMap<Option<&str>, Vec<usize>> = BTreeMap::new();
     let mut counted: Vec<(usize, Touch)> = Vec::with_capacity(readings.len());
     for (index, reading) in readings.iter().enumerate() {
@@ -80,7 +81,7 @@ pub(super) fn presses(readings: &[&Added]) -> Vec<Touch> {
     counted.into_iter().map(|(_, touch)| touch).collect()
 }
 
-/// Whether a reading is a frame of the press that the robot's readings before are.
+/// Whether a reading continues the robot's present press.
 fn continues(readings: &[&Added], press: &[usize], next: &Added) -> bool {
     let (Some(first), Some(last)) = (press.first(), press.last()) else { return false };
     let (Some(before), Some(now)) = (readings[*last].place.stamp_ns, next.place.stamp_ns) else {
@@ -91,9 +92,9 @@ fn continues(readings: &[&Added], press: &[usize], next: &Added) -> bool {
         && next.frame.is_at_the_place_of(&readings[*first].frame)
 }
 
-/// The frame of a press that counts: the deepest that a frame beside it confirms, so that neither
-/// a moment's impact nor a light frame counts; of equally confirmed ones the deeper, then the
-/// later.
+/// The frame of a press that counts: the deepest one confirmed by a neighbouring frame, so
+/// that neither a momentary impact nor a light frame counts; of equally confirmed ones the
+/// deeper, then the later.
 fn settled(readings: &[&Added], press: &[usize]) -> (usize, Touch) {
     let pressure = |at: usize| press.get(at).map(|index| readings[*index].frame.pressure);
     let confirmed = |at: usize| {
@@ -177,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn robots_press_at_the_same_time_and_a_motion_goes_with_its_press() {
+    fn robots_press_concurrently_and_motions_stay_with_a_press() {
         let mut frames = Vec::new();
         for n in 0..4 {
             let mut one = frame(n, 10 * i64::from(n), 0.0, f64::from(n));

@@ -20,7 +20,7 @@ use crate::wire::session::{Options, base};
 /// Journal entries per read.
 pub(super) const ENTRIES_PER_READ: usize = 256;
 
-/// A reading that is ready to be folded.
+/// A reading prepared for folding.
 #[derive(Clone)]
 pub(super) struct Ready {
     pub(super) number: u32,
@@ -102,8 +102,8 @@ impl Readings {
         Ok(self.journal.entries(self.session, next as u64, limit)?)
     }
 
-    /// The readings of presses, ready to be folded. A motion that the first frame of a press
-    /// announced goes with the frame that counts.
+    /// The readings of presses, prepared for folding. A motion announced by the first frame
+    /// of a press applies to the frame that counts.
     pub(super) fn ready(&self, touches: &[Touch]) -> Result<Vec<Arc<Ready>>, Refusal> {
         let numbers =
             touches.iter().flat_map(|touch| touch.moved_by.into_iter().chain([touch.number]));
@@ -155,7 +155,7 @@ impl Readings {
         Ok(Some(Ready { number, id, stored, reading, sensor }))
     }
 
-    /// A reading that was there: the session was deleted.
+    /// The error of a missing reading: the session was deleted.
     pub(super) fn gone(&self) -> Refusal {
         Refusal::NotFound { what: "session", reference: self.session.to_string() }
     }

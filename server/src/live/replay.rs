@@ -1,8 +1,8 @@
-//! What a session believed, revision by revision.
+//! Replay of a session's beliefs, revision by revision.
 //!
-//! Readings that came in time are folded once; a late one folds again what stands behind it,
-//! from the nearest belief that is kept. The work is done in slices, so that other sessions'
-//! readings are not held up, and ends when time is up: the answer says from where to go on.
+//! Readings that came in time are folded once; a late one folds the readings after it again,
+//! from the nearest kept belief. The work is done in slices, so that other sessions' readings
+//! are not delayed, and ends at its time limit: the answer says where to continue.
 
 use std::time::{Duration, Instant};
 
@@ -18,24 +18,24 @@ use crate::wire::{count, history};
 
 /// A slice of work on the compute pool.
 pub(super) const SLICE: Duration = Duration::from_millis(100);
-/// How long the steps of one answer may take. Chosen: a page of a session is told within ten
-/// seconds also where two are asked for at once, and `next_after` goes on.
+/// Time limit of the steps of one answer. Chosen: a page is answered within ten seconds even
+/// for two concurrent requests, and `next_after` continues.
 const TIME_MAX: Duration = Duration::from_secs(4);
 
-/// What to replay.
+/// A request for a replay.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ReplayQuestion {
     /// The last revision; the newest when not given.
     pub(crate) upto: Option<u64>,
-    /// The revision behind which the steps begin.
+    /// The revision after which the steps begin.
     pub(crate) after: u64,
-    /// How many steps at most.
+    /// Maximum number of steps.
     pub(crate) limit: u64,
-    /// How many poses of the belief at most.
+    /// Maximum number of poses of a belief.
     pub(crate) poses: usize,
 }
 
-/// A replay under way.
+/// A replay in progress.
 struct Walk {
     folding: Folding,
     memory: Memory,
@@ -44,7 +44,7 @@ struct Walk {
 }
 
 impl Live {
-    /// The steps behind `after` up to `upto`, and the belief of `upto`.
+    /// The steps after `after` up to `upto`, and the belief of `upto`.
     pub(crate) async fn replay(
         &self,
         tools: &Tools<'_>,
@@ -75,7 +75,7 @@ impl Live {
             (walk, is_over) = tools.pool.place()?.run_long(slice).await??;
         }
         let reached = question.after + walk.steps.len() as u64;
-        // Where time was up before `upto`, the session's own belief is often on the way to it.
+        // If the time was up before `upto`, the session's own belief is often on the way to it.
         let own = || self.turns.try_take().and_then(|state| past::start(&state.memory, upto));
         let start = past::start(&walk.memory, upto).or_else(own);
         let belief = self.past(tools, tools.pool.place()?, upto, question.poses, start).await?;
@@ -90,7 +90,7 @@ impl Live {
 }
 
 impl Walk {
-    /// Goes on for a slice of time; true when there is nothing more to do.
+    /// Works for a slice of time; true at the end.
     fn go_on(&mut self, after: usize) -> Result<bool, Refusal> {
         let begun = Instant::now();
         if self.memory.chronicle.len() < after {

@@ -1,4 +1,4 @@
-//! Withdrawing a reading: it stays in the journal and counts no more.
+//! Retraction of a reading, which stays in the journal and no longer counts.
 
 use palpate_schemas as wire;
 use palpate_schemas::BeliefDetail;
@@ -11,8 +11,8 @@ use crate::refusal::Refusal;
 use crate::wire::count;
 
 impl Live {
-    /// Withdraws the reading that is entry `number` of the journal, and answers the belief
-    /// without it. Again, it changes nothing and answers as the first time.
+    /// Withdraws the reading that is entry `number` of the journal, and returns the belief
+    /// without it. A repetition changes nothing and gives the same answer.
     pub(crate) async fn retract(
         &self,
         tools: &Tools<'_>,

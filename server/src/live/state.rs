@@ -1,4 +1,4 @@
-//! What a session has in memory: its belief, and the answers that robots may ask for again.
+//! Memory of a session: its belief, and answers for repeated requests.
 
 use std::collections::VecDeque;
 
@@ -6,13 +6,13 @@ use palpate_schemas as wire;
 
 use super::memory::Memory;
 
-/// How many answers are remembered for robots that repeat a reading.
+/// Number of answers remembered for repeated readings.
 const ANSWERS_MAX: usize = 64;
 
 #[derive(Default)]
 pub(super) struct State {
     pub(super) memory: Memory,
-    /// Beliefs that were answered to readings, by their revisions, newest last: robots repeat.
+    /// Beliefs that were answered to readings, by their revisions, newest last.
     answers: VecDeque<wire::Belief>,
 }
 
@@ -34,7 +34,7 @@ impl State {
     }
 }
 
-/// What a remembered answer takes, about.
+/// Approximate memory of a remembered answer.
 fn belief_bytes(belief: &wire::Belief) -> usize {
     let objects = belief.objects.iter().map(|object| size_of_val(object) + object.name.len());
     let poses = belief.poses.iter().map(|pose| size_of_val(pose) + pose.name.len() + 36 * 8);

@@ -1,6 +1,7 @@
-//! What a session is doing, as its journal says: open, closed, or expired.
+//! Status of a session according to its journal: open, closed, or expired.
 //!
-//! Expiry is no record but a sum: of when the last entry came, the time to live, and the lease.
+//! Expiry is not a record; it is computed from the time of the last entry, the lifetime and
+//! the lease.
 
 use palpate_store::database::Database;
 use palpate_store::entity::Session;
@@ -9,10 +10,10 @@ use palpate_store::error::StoreError;
 use crate::wire::life::{End, EndReason, Status};
 use crate::wire::session::options;
 
-/// What a session is doing, by its journal.
+/// The status of a session according to its journal.
 pub(crate) fn status(store: &Database, session: &Session, now: u64) -> Result<Status, StoreError> {
     let head = store.journal().head(session.id)?;
-    // A retraction is no reading, and takes one away.
+    // A retraction is not a reading, and removes one.
     let n_others = 2 * head.n_retracted + u64::from(head.is_closed);
     let since = head.last_at_ms.unwrap_or(session.created_at_ms);
     let leased_until_ms = options(session).leased_until_ms;
@@ -68,7 +69,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_session_expires_when_nothing_new_comes_for_its_time_to_live() {
+    async fn a_session_expires_without_readings_in_its_lifetime() {
         let (store, session) = (Database::in_memory(), session(""));
         assert_eq!(end(&store, &session, 5999), None);
         assert_eq!(end(&store, &session, 6000), Some((6000, EndReason::Expired)));
@@ -98,7 +99,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_lease_keeps_a_session_open_and_never_shortens_its_life() {
+    async fn a_lease_extends_and_never_shortens_a_session() {
         let store = Database::in_memory();
         let leased = session(r#"{"method": "sva", "leased_until_ms": 8000}"#);
         assert_eq!(end(&store, &leased, 7999), None);

@@ -1,16 +1,16 @@
-//! Turns at a session: its requests are worked one after the other, and few may wait.
+//! Turns at a session: its requests run one after the other, and few may wait.
 //!
-//! Without the bound, robots that all touch in one session could take every place that the
-//! server has for requests, and those of other sessions would be refused for it.
+//! Without the limit, robots that all touch in one session could take every request slot of
+//! the server, and requests of other sessions would be refused.
 
 use tokio::sync::{Mutex, MutexGuard, Semaphore};
 
 use crate::refusal::Refusal;
 
-/// How many requests may wait for their turn at one session.
+/// Maximum number of requests that wait for their turn at one session.
 const WAITING_MAX: usize = 32;
 
-/// What one request at a time works on.
+/// A value that one request at a time uses.
 pub(super) struct Turns<T> {
     state: Mutex<T>,
     places: Semaphore,
@@ -23,19 +23,19 @@ impl<T: Default> Default for Turns<T> {
 }
 
 impl<T> Turns<T> {
-    /// Waits for a turn, if there is a place to wait at.
+    /// Waits for a turn, if there is a waiting slot.
     pub(super) async fn take(&self) -> Result<MutexGuard<'_, T>, Refusal> {
         let _place =
             self.places.try_acquire().map_err(|_| Refusal::SessionBusy { waiting: WAITING_MAX })?;
         Ok(self.state.lock().await)
     }
 
-    /// Waits for a turn, whoever else does: for what must be done, such as ending the session.
+    /// Waits for a turn without a limit, for work that must be done, such as ending the session.
     pub(super) async fn insist(&self) -> MutexGuard<'_, T> {
         self.state.lock().await
     }
 
-    /// A turn if nobody else has it.
+    /// A turn, if no other request has it.
     pub(super) fn try_take(&self) -> Option<MutexGuard<'_, T>> {
         self.state.try_lock().ok()
     }
@@ -48,7 +48,7 @@ mod tests {
     use super::*;
 
     #[tokio::test]
-    async fn few_wait_and_all_of_them_get_their_turn() {
+    async fn few_requests_wait_and_all_get_their_turn() {
         let turns = Arc::new(Turns::<u32>::default());
         let first = turns.take().await.unwrap();
         let waiting: Vec<_> = (0..WAITING_MAX)

@@ -16,13 +16,13 @@ use crate::door::Peer;
 use crate::middleware::caller;
 use crate::refusal::Refusal;
 
-/// Whether a path is what supervisors look at: it is always answered.
+/// Whether a path belongs to supervisors and is always answered.
 pub(crate) fn is_watched(path: &str) -> bool {
     matches!(path, "/livez" | "/readyz" | "/metrics")
 }
 
-/// Reads a request's body, lets the request in if there is room, ends it when it takes too long,
-/// and counts its answer until it was read.
+/// Reads a request's body, admits the request within the budgets, cancels it after its time
+/// limit, and counts its answer until it has been read.
 pub(crate) async fn admit(State(app): State<App>, request: Request, next: Next) -> Response {
     if is_watched(request.uri().path()) {
         return next.run(request).await;

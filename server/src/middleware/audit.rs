@@ -17,8 +17,8 @@ use crate::asker;
 use crate::refusal::Refusal;
 use crate::services::audit::{Attempt, KEEPS_OPEN, alike};
 
-/// Writes a change down, lets it be made, and writes down what became of it. What cannot be
-/// written down is not done, nor is what a key asks for whose changes keep failing.
+/// Records a change, runs it, and records its outcome. A change that cannot be recorded is
+/// not made, nor is one by a key whose changes keep failing.
 pub(crate) async fn record(State(app): State<App>, mut request: Request, next: Next) -> Response {
     let Some(attempt) = request.extensions_mut().remove::<Attempt>() else {
         return next.run(request).await;
@@ -50,18 +50,18 @@ pub(crate) async fn record(State(app): State<App>, mut request: Request, next: N
     changed.unwrap_or_else(|_| Refusal::Panicked.into_response())
 }
 
-/// Whether a change failed for what its caller asked.
+/// Whether a change failed because of its request.
 fn is_of_the_caller(status: StatusCode) -> bool {
     status.is_client_error() && status != StatusCode::TOO_MANY_REQUESTS
 }
 
-/// Whether repetitions of an outcome are counted in one entry: of what failed, and of sessions
-/// that are kept open again and again.
+/// Whether repetitions of an outcome are counted in one entry: failures, and repeated leases
+/// of sessions.
 fn is_repeated(operation: &str, status: StatusCode) -> bool {
     operation == KEEPS_OPEN || status.is_client_error() || status.is_server_error()
 }
 
-/// The entry with what became of it; something new goes by its own path.
+/// The entry with its outcome; a created resource is recorded by its own path.
 fn outcome(entry: AuditEntry, response: &Response) -> AuditEntry {
     let status = response.status();
     let location = response.headers().get(header::LOCATION).filter(|_| status.is_success());

@@ -1,4 +1,5 @@
-//! Who sent a request: the key that `guard` found, and the client that the request counts to.
+//! The caller of a request: the key that `guard` found, and the client that the request
+//! counts towards.
 
 use axum::extract::{ConnectInfo, Request};
 use palpate_schemas::Role;
@@ -9,15 +10,15 @@ use crate::client::Client;
 use crate::door::Peer;
 use crate::wire;
 
-/// Who asks, for handlers and for the audit log.
+/// The caller, for handlers and for the audit log.
 #[derive(Clone, Debug)]
 pub(crate) struct Caller {
-    /// The key, unless nobody is asked for one.
+    /// The key, if keys are required.
     pub(crate) key: Option<AccessKey>,
 }
 
 impl Caller {
-    /// Resolves when what is sent to the caller must end: with its key, or with the server.
+    /// Resolves when sending to the caller must end: with its key, or with the server.
     pub(crate) fn until_ended(self, app: &App) -> impl Future<Output = ()> + Send + 'static {
         let (app, mut stopping) = (app.clone(), app.stopping());
         async move {
@@ -35,13 +36,13 @@ impl Caller {
         }
     }
 
-    /// What the caller may do as: everything, when nobody is asked for a key.
+    /// The caller's role: admin, if keys are not required.
     pub(crate) fn role(&self) -> Role {
         self.key.as_ref().map_or(Role::Admin, |key| wire::access::role(key.role))
     }
 }
 
-/// The client that a request counts to; `None` outside a connection.
+/// The client of a request; `None` outside a connection.
 pub(crate) fn client(request: &Request) -> Option<Client> {
     let caller = request.extensions().get::<Caller>();
     if let Some(key) = caller.and_then(|caller| caller.key.as_ref()) {

@@ -1,9 +1,9 @@
-//! The guard at the door: who asks, and whether they may.
+//! Authentication and authorisation of requests.
 //!
-//! Where keys are asked for, a request passes with a key whose role the table of `roles` lists
-//! for the operation; what the table does not list passes with none. Where they are not, the
-//! server is for its own machine, and pages of other sites in that machine's browser are
-//! turned away: they could otherwise do everything.
+//! With keys, a request needs one whose role is listed for the operation in the table of
+//! `roles`; an operation outside the table is refused. Without keys, the server is for its
+//! own machine, and requests from pages of other sites in that machine's browser are refused:
+//! they would otherwise have full access.
 
 use std::net::IpAddr;
 
@@ -26,7 +26,7 @@ use crate::secret::redacted;
 use crate::services::audit::Attempt;
 use crate::wire;
 
-/// Lets a request in, or says why not.
+/// Admits or refuses a request.
 pub(crate) async fn guard(State(app): State<App>, mut request: Request, next: Next) -> Response {
     let asked = asked(&app, &request);
     let checked = check(&app, &request, asked);
@@ -86,7 +86,7 @@ fn check(app: &App, request: &Request, asked: Asked) -> Result<Caller, Refusal> 
             Who::Anybody
         }
         Asked::Operation(rule) => rule.who,
-        // The description is open, so this tells nobody anything new.
+        // The description is open, so this reveals nothing.
         Asked::OtherMethod => {
             let route = request.extensions().get::<MatchedPath>().map_or("", MatchedPath::as_str);
             return Err(Refusal::OtherMethod { allow: app.operations().methods(route) });
@@ -97,7 +97,7 @@ fn check(app: &App, request: &Request, asked: Asked) -> Result<Caller, Refusal> 
     let header = request.headers().get(header::AUTHORIZATION);
     let key = app.keys().verify(header.map(|value| value.as_bytes()))?;
     match asked {
-        // No route: the answer is that there is nothing, and no secret of holders of keys.
+        // Without a route the answer is 404, and reveals nothing.
         Asked::Unlisted if request.extensions().get::<MatchedPath>().is_none() => {}
         _ if roles.contains(&wire::access::role(key.role)) => {}
         _ => return Err(Refusal::Forbidden { key: Box::new(key), roles }),
@@ -105,18 +105,18 @@ fn check(app: &App, request: &Request, asked: Asked) -> Result<Caller, Refusal> 
     Ok(Caller { key: Some(key) })
 }
 
-/// Pages for people and the API's description, which say nothing of what is stored.
+/// Pages for people and the API's description, which contain no stored data.
 fn is_page(path: &str) -> bool {
     matches!(path, "/openapi.json" | "/docs") || path.starts_with("/docs/") || dashboard::has(path)
 }
 
-/// Refuses what another site's page in a browser of this machine asks for: its origin is not
-/// ours, or our name is not one of this machine's (a name that was made to point here).
+/// Refuses a request from another site's page in a browser of this machine: its origin is not
+/// ours, or the host is not one of this machine's names (a name that was made to point here).
 fn at_home(app: &App, request: &Request) -> Result<(), Refusal> {
     let config = app.config();
     let headers = request.headers();
     let text = |name| headers.get(name).and_then(|value: &header::HeaderValue| value.to_str().ok());
-    // HTTP/2 has it in the target.
+    // In HTTP/2 it is in the target.
     let target = request.uri().authority().map(Authority::as_str);
     let host = text(header::HOST).or(target).unwrap_or_default();
     let is_own = is_loopback(host)
@@ -140,8 +140,8 @@ fn is_loopback(host: &str) -> bool {
         || name.to_ascii_lowercase().ends_with(".localhost")
 }
 
-/// Whether a `Host` header is an address, which no other site's name leads to, or one of the
-/// names that the operator listed.
+/// Whether a `Host` header is an address, to which no other site's name leads, or a name that
+/// the operator listed.
 fn is_in_network(host: &str, listed: &[String]) -> bool {
     let name = without_port(host);
     literal(name).is_some() || listed.iter().any(|listed| name.eq_ignore_ascii_case(listed))
@@ -149,7 +149,7 @@ fn is_in_network(host: &str, listed: &[String]) -> bool {
 
 /// A `Host` header without its port.
 fn without_port(host: &str) -> &str {
-    // An address in IPv6 has colons of its own.
+    // An IPv6 address contains colons.
     if host.starts_with('[') {
         return host.rsplit_once("]:").map_or(host, |(name, _)| name);
     }
@@ -181,7 +181,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_of_this_machine_are_told_from_others() {
+    fn names_of_this_machine_are_recognised() {
         for host in [
             "localhost",
             "LOCALHOST:7411",
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn in_a_network_addresses_and_listed_names_are_taken() {
+    fn in_a_network_addresses_and_listed_names_are_accepted() {
         let listed = ["palpate.lab".to_owned()];
         for host in ["10.0.0.1:7411", "[2001:db8::1]:7411", "[2001:db8::1]", "Palpate.Lab:7411"] {
             assert!(is_in_network(host, &listed), "{host}");

@@ -1,8 +1,8 @@
-//! Headers that keep browsers from doing what the service does not mean.
+//! Security headers for browsers.
 //!
-//! Answers of the API may not be run, framed or kept by others; pages may load what this
-//! server serves and nothing else. The documentation page styles itself inline, so it has a
-//! policy of its own. Other sites' pages may read answers only where an operator lists them.
+//! Answers of the API may not be run, framed or kept by others; pages may load files of this
+//! server and nothing else. The documentation page styles itself inline, so it has its own
+//! policy. Pages of other sites may read answers only if an operator lists them.
 
 use std::str::FromStr as _;
 use std::time::Duration;
@@ -16,19 +16,19 @@ use tower_http::cors::CorsLayer;
 use crate::app::App;
 use crate::middleware::telemetry::REQUEST_ID;
 
-/// Of answers that are no pages: nothing in them is to be run or shown in a frame.
+/// Policy of the API's answers: nothing in them is to be run or shown in a frame.
 const API_POLICY: &str = "default-src 'none'; frame-ancestors 'none'";
-/// Of pages: their own files and this server, and nothing inline.
+/// Policy of pages: their own files and this server, and nothing inline.
 const PAGE_POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; \
     img-src 'self' data: blob:; font-src 'self'; connect-src 'self'; manifest-src 'self'; \
     base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
-/// Of the documentation page, whose program writes styles into its elements.
+/// Policy of the documentation page, whose script writes styles into its elements.
 const DOCS_POLICY: &str = "default-src 'none'; script-src 'self'; \
     style-src 'self' 'unsafe-inline'; img-src 'self' data:; font-src 'self' data:; \
     connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
-/// A year of TLS only.
+/// One year of TLS only.
 const TRANSPORT: &str = "max-age=31536000";
-/// How long a browser may remember what other sites' pages may ask, in seconds.
+/// Time for which a browser may cache permissions of other sites' pages, in seconds.
 const PREFLIGHT: Duration = Duration::from_secs(3600);
 
 /// Sets the headers of every answer.
@@ -54,7 +54,7 @@ pub(crate) async fn secure(State(app): State<App>, request: Request, next: Next)
     response
 }
 
-/// Lets pages of the configured origins read answers; `None` when there are none.
+/// Permits pages of the configured origins to read answers; `None` when there are none.
 pub(crate) fn cors(origins: &[String]) -> Option<CorsLayer> {
     let origins: Vec<_> =
         origins.iter().filter_map(|origin| HeaderValue::from_str(origin).ok()).collect();
@@ -79,8 +79,8 @@ pub(crate) fn cors(origins: &[String]) -> Option<CorsLayer> {
     })
 }
 
-/// Whether a text is an origin exactly as browsers send it: scheme, host, and a port where it
-/// is not the scheme's own.
+/// Whether a text is an origin as sent by browsers: scheme, host, and a port unless it is the
+/// scheme's own.
 #[must_use]
 pub(crate) fn is_origin(text: &str) -> bool {
     let Some((scheme, authority)) = text.split_once("://") else { return false };
@@ -104,8 +104,8 @@ fn policy(path: &str) -> &'static str {
     }
 }
 
-/// What an answer of the API that says nothing itself may be kept for: not at all where it
-/// holds secrets or who holds them, otherwise by its asker, who is to ask whether it is new.
+/// Default caching of the API's answers: none if they hold secrets or their holders,
+/// otherwise by the client alone, which must revalidate.
 fn cached(path: &str) -> Option<&'static str> {
     let secret = ["/v1/keys", "/v1/whoami", "/v1/audit"];
     if secret.iter().any(|secret| path.starts_with(secret)) {
@@ -119,7 +119,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn origins_are_those_that_browsers_send() {
+    fn origins_have_the_form_that_browsers_send() {
         for origin in ["https://lab.example", "http://localhost:3000", "http://[::1]:8080"] {
             assert!(is_origin(origin), "{origin}");
         }

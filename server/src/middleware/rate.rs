@@ -11,7 +11,7 @@ use crate::middleware::admission::is_watched;
 use crate::middleware::caller;
 use crate::refusal::Refusal;
 
-/// Lets a request pass if its client has some of its share left, and says how much.
+/// Admits a request within its client's share, and reports the rest.
 pub(crate) async fn share(State(app): State<App>, request: Request, next: Next) -> Response {
     let Some(rates) = app.rates().filter(|_| !is_watched(request.uri().path())) else {
         return next.run(request).await;

@@ -1,7 +1,7 @@
-//! What can be seen of the service from outside: request ids, logs, metrics.
+//! Observability: request ids, logs and metrics.
 //!
 //! Metrics belong to the process: several servers in one process (tests) share them. Logs go
-//! to whatever `tracing` subscriber the process has; this is not the place that installs one.
+//! to the process's `tracing` subscriber, which is installed elsewhere.
 
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
@@ -18,13 +18,13 @@ use uuid::Uuid;
 use crate::problem;
 use crate::secret::redacted;
 
-/// The header that names a request, in requests and answers.
+/// The header with a request's id, in requests and answers.
 pub(crate) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 
-/// The longest request id that a robot may choose.
+/// Maximum length of a request id chosen by a client.
 const REQUEST_ID_BYTES_MAX: usize = 64;
 
-/// How often measured times are sorted into buckets.
+/// Interval at which measured times are sorted into buckets.
 const TIDY_EVERY: Duration = Duration::from_secs(5);
 
 /// Upper ends of the duration histogram's buckets, in seconds.
@@ -52,8 +52,8 @@ pub(crate) fn metrics_handle() -> &'static PrometheusHandle {
     })
 }
 
-/// Sorts what was measured into its buckets now and then, until the server stops: else every
-/// time of every request would stay in memory until somebody asks for the figures.
+/// Sorts measurements into their buckets periodically, until the server stops: otherwise
+/// every time of every request would stay in memory until the next scrape.
 pub(crate) async fn tidy(mut stopping: watch::Receiver<bool>) {
     loop {
         tokio::select! {
@@ -63,7 +63,7 @@ pub(crate) async fn tidy(mut stopping: watch::Receiver<bool>) {
     }
 }
 
-/// Names the request, times it, logs it, counts it, and gives an error its body.
+/// Assigns an id to the request, times, logs and counts it, and gives an error its body.
 pub(crate) async fn observe(mut request: Request, next: Next) -> Response {
     let id = request_id(&request);
     let header = HeaderValue::from_str(&id).expect("request ids are visible ASCII");
@@ -104,11 +104,11 @@ fn join_trace(span: &tracing::Span, headers: &axum::http::HeaderMap) {
     let caller = opentelemetry::global::get_text_map_propagator(|propagator| {
         propagator.extract(&opentelemetry_http::HeaderExtractor(headers))
     });
-    // Fails where nobody listens to spans.
+    // Fails without a subscriber of spans.
     let _ = span.set_parent(caller);
 }
 
-/// The robot's own id if it is fit for headers and logs, otherwise a new one.
+/// The client's own id if it is fit for headers and logs, otherwise a new one.
 fn request_id(request: &Request) -> String {
     let given = request.headers().get(REQUEST_ID).and_then(|value| value.to_str().ok());
     let is_fit = |id: &&str| {

@@ -1,11 +1,11 @@
-//! The examples of requests and of a problem, as they stand in `schemas/examples`: a test there
-//! holds them against the types, so what the description shows parses.
+//! Examples of requests and of a problem, from `schemas/examples`, where a test checks them
+//! against the types, so that the description's examples parse.
 
 use serde_json::Value;
 use utoipa::openapi::path::Operation;
 use utoipa::openapi::{Content, RefOr};
 
-/// An operation and the body that its description shows.
+/// Operations and the example bodies of their descriptions.
 const REQUESTS: [(&str, &str); 4] = [
     ("create_sensor", include_str!("../../../schemas/examples/create_sensor.json")),
     ("start_training", include_str!("../../../schemas/examples/start_training.json")),
@@ -14,7 +14,7 @@ const REQUESTS: [(&str, &str); 4] = [
 ];
 const PROBLEM: &str = include_str!("../../../schemas/examples/problem.json");
 
-/// Shows what a request of this operation, and a refusal of its values, look like.
+/// Adds the examples of this operation's request, and of a refusal of its values.
 pub(super) fn add(operation: &mut Operation) {
     let id = operation.operation_id.as_deref().unwrap_or_default();
     let request = REQUESTS.iter().find(|(operation, _)| *operation == id);

@@ -1,4 +1,4 @@
-//! The table of roles held against the operations of the API's description.
+//! The table of roles, checked against the operations of the API's description.
 
 #[cfg(test)]
 mod tests {
@@ -16,7 +16,7 @@ mod tests {
     }
 
     #[test]
-    fn every_operation_has_one_line_and_every_line_an_operation() {
+    fn operations_and_lines_of_the_table_match() {
         let described: BTreeSet<String> =
             operation_ids().into_iter().map(|(_, _, operation)| operation).collect();
         let listed: BTreeSet<String> =
@@ -26,7 +26,7 @@ mod tests {
     }
 
     #[test]
-    fn what_roles_promise_holds_for_every_operation() {
+    fn every_operation_keeps_the_promises_of_roles() {
         for (_, method, operation) in operation_ids() {
             let rule = rule(&operation).unwrap();
             let Who::Holders(_) = rule.who else {
@@ -57,7 +57,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_listed_is_not_found_in_the_table() {
+    fn unlisted_operations_are_not_found_in_the_table() {
         let operations = Operations::new(operation_ids());
         let asked = |method: &Method, path: &str| operations.asked(method, path);
         assert!(matches!(asked(&Method::GET, "/v1/objects"), Asked::Operation(_)));

@@ -1,17 +1,18 @@
-//! Tagged unions as generators of clients want them: every variant a schema of its own name, and
-//! a discriminator that says which value of the tag means which.
+//! Tagged unions in the form that client generators need.
 //!
-//! The derive writes variants in place, under titles; what has no title or no tag stays there.
+//! Every variant gets a named schema, and a discriminator maps the values of the tag to
+//! variants. The derive writes variants in place, under titles; a variant without a title or
+//! a tag stays there.
 
 use std::collections::BTreeMap;
 
 use utoipa::openapi::schema::{Discriminator, OneOf};
 use utoipa::openapi::{Ref, RefOr, Schema};
 
-/// The property that tells the variants of a union apart.
+/// The property that distinguishes the variants of a union.
 const TAG: &str = "kind";
 
-/// Moves the variants of all tagged unions among `schemas` beside them, under their titles.
+/// Moves the variants of all tagged unions into `schemas`, under their titles.
 pub(super) fn name_variants(schemas: &mut BTreeMap<String, RefOr<Schema>>) {
     let mut named = Vec::new();
     for schema in schemas.values_mut() {
@@ -34,7 +35,7 @@ fn name_variants_of(union: &mut OneOf, named: &mut Vec<(String, RefOr<Schema>)>)
     named.extend(variants.into_iter().map(|(title, _)| title).zip(moved));
 }
 
-/// The title of a variant and its tag's one value; nothing of what is no such variant.
+/// The title of a variant and its tag's one value; `None` for other schemas.
 fn title_and_tag(variant: &RefOr<Schema>) -> Option<(String, String)> {
     let RefOr::T(Schema::Object(variant)) = variant else { return None };
     let RefOr::T(Schema::Object(tag)) = variant.properties.get(TAG)? else { return None };

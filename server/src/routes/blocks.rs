@@ -1,5 +1,5 @@
-//! A stored file as the body of an answer, read from the store block by block as its reader
-//! takes it.
+//! A stored file as the body of an answer, read from the store block by block at the reader's
+//! pace.
 
 use std::io;
 
@@ -13,12 +13,11 @@ use palpate_store::mesh::MeshReader;
 use crate::admission::InMemory;
 use crate::compute::Pool;
 
-/// Memory of one answer, in bytes: a block that is sent, the next one, and the connection's
-/// buffer.
+/// Memory of one answer, in bytes: a block being sent, the next one, and the connection's buffer.
 const IN_MEMORY: usize = 640 << 10;
 
-/// A mesh file as an answer. When it turns out to be damaged, or is replaced meanwhile, the
-/// answer breaks off before its stated length.
+/// A mesh file as an answer. If it is damaged, or is replaced meanwhile, the answer ends
+/// before its stated length.
 pub(crate) fn answer(content_type: &'static str, reader: MeshReader, pool: &Pool) -> Response {
     let length = reader.info().length;
     let blocks = stream::try_unfold((reader, pool.clone()), async |(mut reader, pool)| {

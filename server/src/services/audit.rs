@@ -1,9 +1,9 @@
-//! Who changed what: an entry before every change, its outcome after it, and the refused.
+//! The audit log: an entry before every change, its outcome after it, and refused requests.
 //!
-//! A change runs in a task of its own, so that a caller who hangs up leaves neither it nor its
-//! entry half done. What fails or is refused goes into rings of its own, repetitions are counted
-//! in one entry (`folds`), and a key whose changes keep failing has to wait (`failures`): nobody
-//! shall push what happened out of the log.
+//! A change runs in a separate task, so that a caller who hangs up leaves neither it nor its
+//! entry half done. Failures and refusals go to separate rings, repetitions are counted in
+//! one entry (`folds`), and a key whose changes keep failing has to wait (`failures`), so no
+//! caller can push entries out of the log.
 
 mod failures;
 mod folds;
@@ -29,20 +29,20 @@ use failures::Failures;
 pub(crate) use folds::Alike;
 use folds::{FOLD_MS, Folds};
 
-/// How much of a path is written down, in characters.
+/// Maximum length of a recorded path, in characters.
 const PATH_CHARS_MAX: usize = 512;
-/// How many entries are read at once.
+/// Number of entries per read.
 const CHUNK: usize = 256;
-/// How often one question reads so many; further ones are on the next page.
+/// Maximum number of such reads per query; further entries are on the next page.
 const CHUNKS_MAX: usize = 40;
-/// How many different refusals of strangers may be written down at once.
+/// Maximum number of different refusals without a key that are recorded at once.
 const DENIED_BURST: u32 = 30;
-/// After how long one more may.
+/// Time after which one more is recorded.
 const DENIED_PAUSE: Duration = Duration::from_secs(60);
-/// How often counts of repetitions are stored.
+/// Interval at which counts of repetitions are stored.
 const STORE_EVERY: Duration = Duration::from_secs(5);
 
-/// What must work on a full disk: a key that leaked is revoked, and what takes room is removed.
+/// Operations that must work on a full disk: revoking a leaked key, and freeing space.
 const ESSENTIAL: [&str; 8] = [
     "revoke_key",
     "rotate_key",
@@ -54,25 +54,25 @@ const ESSENTIAL: [&str; 8] = [
     "delete_sensor",
 ];
 
-/// Whether an operation, and its entry, may use the room that is kept for such.
+/// Whether an operation, and its entry, may use the reserve of the disk.
 pub(crate) fn is_essential(operation: &str) -> bool {
     ESSENTIAL.contains(&operation)
 }
 
-/// What somebody asks for.
+/// A request, for the log.
 #[derive(Clone, Debug)]
 pub(crate) struct Attempt {
-    /// The operation's id.
+    /// Id of the operation.
     pub(crate) operation: &'static str,
-    /// The key: its id, its name, its role.
+    /// Id, name and role of the key.
     pub(crate) key: Option<(Uuid, String, Role)>,
-    /// The client that its repetitions count to.
+    /// The client that its repetitions count towards.
     pub(crate) client: Option<Client>,
-    /// Where it came from.
+    /// Address of the caller.
     pub(crate) address: String,
     /// The path.
     pub(crate) path: String,
-    /// The request's id.
+    /// Id of the request.
     pub(crate) request_id: String,
 }
 
@@ -84,7 +84,7 @@ pub(crate) struct Audit {
     pub(crate) failures: Failures,
 }
 
-/// How many refusals of strangers may be written down now, and how many were not.
+/// Number of refusals without a key that may be recorded now, and of those that were not.
 #[derive(Debug)]
 struct Denials {
     allowed: u32,
@@ -93,7 +93,7 @@ struct Denials {
 }
 
 impl Denials {
-    /// Whether a refusal is written down now, and if so, how many before it were not.
+    /// Whether a refusal is recorded now, and if so, the number of unrecorded ones before it.
     fn admit(&mut self, now: Instant) -> Option<u32> {
         let earned = now.duration_since(self.since).as_secs() / DENIED_PAUSE.as_secs();
         if earned > 0 {
@@ -120,8 +120,8 @@ impl Audit {
         Self { log, denials, folds, failures: Failures::new(failures_per_minute) }
     }
 
-    /// Writes down that somebody was refused: once for all repetitions, and of strangers only
-    /// when there were not too many.
+    /// Records a refusal: once for all repetitions, and only up to a rate for requests
+    /// without a key.
     pub(crate) async fn denied(&self, attempt: Attempt, status: u16) {
         metrics::counter!("palpate_requests_denied_total", "status" => status.to_string())
             .increment(1);
@@ -144,7 +144,7 @@ impl Audit {
         denials.admit(Instant::now())
     }
 
-    /// Stores the counts of repetitions that are not stored yet.
+    /// Stores the unsaved counts of repetitions.
     pub(crate) async fn store(&self) {
         let news = self.folds.lock().await.news(now_ms());
         for entry in news {
@@ -154,7 +154,7 @@ impl Audit {
         }
     }
 
-    /// Stores counts now and then, until the server stops.
+    /// Stores counts periodically until the server stops.
     pub(crate) async fn keep(self: Arc<Self>, mut stopping: watch::Receiver<bool>) {
         loop {
             tokio::select! {
@@ -180,8 +180,8 @@ impl Audit {
             let chunk = self.log.before(behind, CHUNK)?;
             let is_last = chunk.len() < CHUNK;
             for entry in chunk {
-                // Times go down with the numbers, and an entry takes repetitions for a while:
-                // nothing older can fit.
+                // Times decrease with the numbers, and an entry collects repetitions for a
+                // while: no older entry can match.
                 if since.is_some_and(|since| entry.at_ms.saturating_add(FOLD_MS) < since) {
                     return Ok(wire::AuditPage { items, next_cursor: None });
                 }
@@ -207,7 +207,7 @@ impl Audit {
         self.log.begin(entry(attempt)).await
     }
 
-    /// Writes down what became of a change.
+    /// Records the outcome of a change.
     pub(crate) async fn finish(&self, entry: AuditEntry, alike: Option<Alike>) {
         let seq = entry.seq;
         if let Err(error) = self.settle(entry, alike).await {
@@ -228,10 +228,10 @@ impl Audit {
     }
 }
 
-/// The operation that robots ask for again and again.
+/// The operation that robots repeat.
 pub(crate) const KEEPS_OPEN: &str = "extend_session";
 
-/// What a request has in common with those that are told by the same entry.
+/// The properties that requests counted in one entry share.
 pub(crate) fn alike(attempt: &Attempt, status: u16) -> Alike {
     let is_one_thing = attempt.operation == KEEPS_OPEN && status < 400;
     Alike {
@@ -261,7 +261,7 @@ fn entry(attempt: Attempt) -> AuditEntry {
     }
 }
 
-/// A cursor to what is older than the entry of a number.
+/// A cursor to the entries older than a number.
 fn cursor(seq: u64) -> String {
     seq.to_string()
 }
@@ -283,7 +283,7 @@ fn fits(entry: &AuditEntry, query: &wire::AuditQuery) -> bool {
         && query.ring.is_none_or(within)
 }
 
-/// Refuses the name of an operation that does not exist: a typo would find nothing, for ever.
+/// Refuses an unknown operation's name, which would match nothing.
 pub(crate) fn check_operation(query: &wire::AuditQuery) -> Result<(), Refusal> {
     match &query.operation {
         Some(operation) if operation != "(none)" && roles::rule(operation).is_none() => {
@@ -297,7 +297,7 @@ pub(crate) fn check_operation(query: &wire::AuditQuery) -> Result<(), Refusal> {
 #[cfg(test)]
 mod tests {
     #[test]
-    fn what_is_essential_are_operations() {
+    fn essential_operations_exist() {
         for operation in super::ESSENTIAL {
             assert!(crate::roles::rule(operation).is_some(), "{operation}");
         }
@@ -306,7 +306,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_storm_of_refusals_leaves_few_entries_and_says_how_many_it_left_out() {
+    fn a_flood_of_refusals_leaves_few_entries_and_a_count() {
         let begin = Instant::now();
         let mut denials = Denials { allowed: DENIED_BURST, since: begin, n_left_out: 0 };
         let written = (0..1000).filter(|_| denials.admit(begin) == Some(0)).count();

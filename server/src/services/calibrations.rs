@@ -1,7 +1,7 @@
-//! The calibrations of sensors: fitted, stored, and found again for every stored reading.
+//! The calibrations of sensors: fitted, stored, and found for every stored reading.
 //!
-//! A calibration applies to readings that come after it. A stored reading names its number,
-//! so it is understood the same way for ever. They never change, so they are kept in memory.
+//! A calibration applies to later readings. A stored reading names its number, so its meaning
+//! never changes. Calibrations never change, so they are kept in memory.
 
 use std::sync::Arc;
 
@@ -45,7 +45,7 @@ impl Calibrations {
         Ok(convert::calibration(&StoredCalibration { number, ..fit }, &sensor.description))
     }
 
-    /// A calibration as the wire shows it, the newest if no number is asked for.
+    /// A calibration in its wire form, the newest without a number.
     pub(crate) fn show(
         &self,
         sensor: &Sensor,

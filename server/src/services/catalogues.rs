@@ -1,7 +1,7 @@
-//! Trained models: versions that never change, and the one that new sessions use.
+//! Trained models: immutable versions, and the one that new sessions use.
 //!
-//! What sessions recognise by is read from the store part by part (`loading`) and kept under a
-//! budget of memory (`memory`).
+//! The parts of a version are read from the store on demand (`loading`) and kept within a
+//! memory budget (`memory`).
 
 mod appearance;
 mod loading;
@@ -28,39 +28,39 @@ use crate::wire::{cursor, page_id, page_length, page_number, training};
 use loading::Key;
 use memory::Memory;
 
-/// The catalogue that is meant when nobody names one.
+/// The catalogue of requests that name none.
 pub(crate) const DEFAULT: &str = "default";
 
 /// All catalogues.
 pub(crate) struct Catalogues {
     store: Database,
     table: Table,
-    /// The same for removals, which must work on a full disk.
+    /// A table for removals, which must work on a full disk.
     removing: Table,
     pool: Pool,
     memory: Memory<Key, Model>,
-    /// The memory of what sessions by geometry look up.
+    /// The memory budget of geometric look-up tables.
     tables: Arc<TableBudget>,
     loading: tokio::sync::Mutex<()>,
-    /// Versions that are damaged, and why.
+    /// Damaged versions, with the reasons.
     damaged: DashMap<(Uuid, u32), String>,
-    /// Held for reading by what begins to need a version, for writing by what removes one.
+    /// Read-locked by operations that start to need a version, write-locked by removals.
     using: tokio::sync::RwLock<()>,
-    /// Held while a version's blocks and its manifest are written, or removed.
+    /// Locked while a version's blocks and its manifest are written, or removed.
     publishing: tokio::sync::Mutex<()>,
 }
 
-/// The version that a new session is about to pin.
+/// The version for a new session.
 pub(crate) struct Pinned {
     pub(crate) catalogue: Uuid,
     pub(crate) version: u32,
-    /// Whether it has surfaces: what methods there are depends on it.
+    /// Whether it has surfaces, which determines the available methods.
     pub(crate) has_surfaces: bool,
 }
 
 impl Catalogues {
-    /// Models are kept in at most `memory_bytes_max` bytes, and what beliefs make of them in
-    /// at most `tables_bytes_max`.
+    /// Models take at most `memory_bytes_max` bytes, the look-up tables of beliefs at most
+    /// `tables_bytes_max`.
     pub(crate) fn new(
         store: &Database,
         pool: Pool,
@@ -82,23 +82,23 @@ impl Catalogues {
         }
     }
 
-    /// Bytes of what beliefs by geometry look up and share.
+    /// Bytes of the shared look-up tables of geometric beliefs.
     pub(crate) fn table_bytes(&self) -> usize {
         self.tables.used()
     }
 
-    /// The catalogue of a name.
+    /// The catalogue with the given name.
     pub(crate) fn find(&self, name: &str) -> Result<Catalogue, Refusal> {
         let found = self.table.find_by_name(name)?;
         found.ok_or_else(|| Refusal::NotFound { what: "catalogue", reference: name.to_owned() })
     }
 
-    /// The name of a catalogue's id.
+    /// The name of the catalogue with the given id.
     pub(crate) fn name(&self, id: Uuid) -> Result<String, Refusal> {
         Ok(self.table.get(id)?.name)
     }
 
-    /// The catalogue of a name, made if it does not exist.
+    /// The catalogue with the given name, created if it does not exist.
     pub(crate) async fn find_or_create(&self, name: &str) -> Result<Catalogue, Refusal> {
         if let Some(found) = self.table.find_by_name(name)? {
             return Ok(found);
@@ -156,7 +156,7 @@ impl Catalogues {
         Ok(wire::CatalogueVersion { damage, ..training::version(catalogue, manifest)? })
     }
 
-    /// Keeps a damaged version from being recognised with.
+    /// Excludes a damaged version from recognition.
     pub(crate) fn quarantine(&self, catalogue: Uuid, version: u32, reason: String) {
         tracing::error!(
             catalogue.id = %catalogue, version,
@@ -165,7 +165,7 @@ impl Catalogues {
         self.damaged.insert((catalogue, version), reason);
     }
 
-    /// How many versions are damaged.
+    /// Number of damaged versions.
     pub(crate) fn n_damaged(&self) -> usize {
         self.damaged.len()
     }
@@ -184,7 +184,7 @@ impl Catalogues {
         Ok(training::object_map(&model.objects[place], &model.sva()?[place], from, limit))
     }
 
-    /// A part of a version's model and the place of one of its objects, all as a path names them.
+    /// A part of a version's model and the index of one of its objects, by the segments of a path.
     async fn object_of(
         &self,
         name: &str,
@@ -201,7 +201,7 @@ impl Catalogues {
         Ok((model, place))
     }
 
-    /// Makes a version current if nobody else has switched since `revision`.
+    /// Makes a version current if there was no other switch since `revision`.
     pub(crate) async fn switch(
         &self,
         name: &str,
@@ -224,7 +224,7 @@ impl Catalogues {
         }
     }
 
-    /// Stores a new version and, if asked to, makes it current.
+    /// Stores a new version and makes it current on request.
     pub(crate) async fn publish(
         &self,
         name: &str,
@@ -240,7 +240,7 @@ impl Catalogues {
         Ok(manifest.version)
     }
 
-    /// The version that a job made, if it did.
+    /// The version made by a job, if any.
     pub(crate) fn made_by(&self, name: &str, job: Uuid) -> Result<Option<u32>, Refusal> {
         let Some(catalogue) = self.table.find_by_name(name)? else { return Ok(None) };
         let manifests = self.table.manifests(catalogue.id, 0, usize::MAX)?;
@@ -248,7 +248,7 @@ impl Catalogues {
         Ok(made.map(|manifest| manifest.version))
     }
 
-    /// The version that a new session uses: the one asked for, or the current one.
+    /// The version for a new session: the requested or the current one.
     pub(crate) fn pin(&self, name: &str, version: Option<u32>) -> Result<Pinned, Refusal> {
         let catalogue = self.table.find_by_name(name)?.ok_or_else(|| unknown_catalogue(name))?;
         let manifest = match version {
@@ -265,7 +265,7 @@ impl Catalogues {
         Ok(Pinned { catalogue: catalogue.id, version: manifest.version, has_surfaces })
     }
 
-    /// The manifest of a version of a named catalogue, and how it was trained.
+    /// The manifest of a version of a named catalogue, and its training parameters.
     pub(crate) fn manifest_of(
         &self,
         name: &str,
@@ -287,7 +287,7 @@ impl Catalogues {
     }
 }
 
-/// The number of a version as a path has it.
+/// The number of a version in a path.
 fn number(version: &str) -> Result<u32, Refusal> {
     let unknown = || Refusal::NotFound { what: "version", reference: version.to_owned() };
     version.parse().map_err(|_| unknown())
@@ -300,7 +300,7 @@ fn unknown_catalogue(name: &str) -> Refusal {
     Refusal::field("/catalogue", format!("there is no catalogue {name:?}"))
 }
 
-/// How a version was trained, if its manifest can be read.
+/// The training parameters of a version, if its manifest can be read.
 fn parameters_of(manifest: &Manifest) -> Option<training::VersionParameters> {
     serde_json::from_str(&manifest.parameters).ok()
 }

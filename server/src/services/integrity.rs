@@ -1,8 +1,8 @@
-//! Checks all records once after every start, while the service serves: damaged versions are
-//! kept from being recognised with, and everything else that is damaged is said in the log.
+//! Check of all records after every start, during service.
 //!
-//! The engine has already held what is there against what was written last. What is found here
-//! was damaged before it was written, or accepted by `palpate fsck --accept`.
+//! Damaged versions are excluded from recognition; other damage is logged. The engine has
+//! already checked its content against the last writes. Damage found here was there before it
+//! was written, or accepted by `palpate fsck --accept`.
 
 use std::sync::Arc;
 
@@ -13,15 +13,15 @@ use tokio::sync::watch;
 
 use crate::services::catalogues::Catalogues;
 
-/// How many pairs are read at once.
+/// Number of pairs per read.
 const PAIRS_PER_READ: usize = 1024;
-/// How many damaged records are named in the log; the count has all.
+/// Maximum number of damaged records named in the log; the count includes all.
 const NAMED_MAX: usize = 20;
 
-/// Starts the check on a thread of its own; it ends when the server stops.
+/// Starts the check on a separate thread; it ends when the server stops.
 ///
 /// # Errors
-/// What the operating system says when it gives no thread.
+/// The operating system's error when it gives no thread.
 pub(crate) fn check(
     store: Database,
     catalogues: Arc<Catalogues>,
@@ -35,7 +35,7 @@ pub(crate) fn check(
     std::thread::Builder::new().name("integrity".to_owned()).spawn(checking).map(drop)
 }
 
-/// What a check of the database as it is now finds; `None` when the server stops before.
+/// The findings in the present database; `None` when the server stops before the end.
 fn report(
     store: &Database,
     stopping: &watch::Receiver<bool>,

@@ -1,9 +1,8 @@
-//! Training jobs: taken one at a time, in the order they were asked for, by a worker of
-//! their own, so that robots in the middle of a session do not wait for them.
+//! Training jobs: run one at a time, in the order of their requests, by a separate worker.
 //!
-//! The store knows each job's state; how far the running one is lives in memory and is
-//! streamed. A job that a stop of the server interrupted is taken up again once; its seed
-//! makes it the same training.
+//! Robots in a session therefore do not wait for them. The store has each job's state; the
+//! progress of the running one is in memory and streamed. A job interrupted by a stop of the
+//! server is restarted once; its seed makes it the same training.
 
 mod control;
 mod draft;
@@ -39,7 +38,7 @@ use crate::services::training::{Plan, Sources, TrainingFailure, train};
 use crate::wire::training::job as shown;
 use crate::wire::{self as convert, cursor, page_id, page_length};
 
-/// How long a cancel waits for the running training to notice.
+/// Time for which a cancellation waits for the running training to notice.
 const CANCEL_PATIENCE: Duration = Duration::from_secs(5);
 /// Marks a job that was interrupted by a stop of the server and queued again.
 const INTERRUPTED: &str = "interrupted by a stop of the server";
@@ -55,7 +54,7 @@ pub(crate) struct Jobs {
     wake: Notify,
     starting: tokio::sync::Mutex<()>,
     queue_max: usize,
-    /// How long a training may take.
+    /// Time limit of a training.
     within: Duration,
 }
 
@@ -85,7 +84,7 @@ impl Jobs {
         })
     }
 
-    /// Takes up what a stop of the server left behind.
+    /// Resumes the jobs left by a stop of the server.
     pub(crate) async fn resume(&self) -> Result<(), Refusal> {
         for job in self.store.jobs().list_whole(None, usize::MAX - 1)?.items {
             let job = match job.state {
@@ -93,7 +92,7 @@ impl Jobs {
                 JobState::Running => match self.after_interruption(job).await {
                     Ok(Some(job)) => job,
                     Ok(None) => continue,
-                    // Reading goes on with a full disk; the next start takes it up.
+                    // Reads go on with a full disk; the next start resumes it.
                     Err(Refusal::Store(StoreError::Engine(error @ EngineError::Full { .. }))) => {
                         tracing::error!("Cannot take up an interrupted job: {error}");
                         continue;
@@ -154,7 +153,7 @@ impl Jobs {
         Ok(wire::JobPage { items, next_cursor: cursor(page.next) })
     }
 
-    /// Cancels a job; a running one is given some time to notice.
+    /// Cancels a job; a running one gets some time to notice.
     pub(crate) async fn cancel(&self, id: &str) -> Result<wire::Job, Refusal> {
         let job = self.find(id)?;
         let Some(control) = self.control(job.id) else {
@@ -186,7 +185,7 @@ impl Jobs {
         self.get(id)
     }
 
-    /// The job as it is now, and as it will be.
+    /// The job's present state and later ones.
     pub(crate) fn follow(&self, id: &str) -> Result<watch::Receiver<wire::Job>, Refusal> {
         let job = self.find(id)?;
         Ok(match self.control(job.id) {
@@ -195,7 +194,7 @@ impl Jobs {
         })
     }
 
-    /// Works on jobs until it is told to stop; what is running then is suspended.
+    /// Runs jobs until the server stops; a running one is then suspended.
     pub(crate) async fn work(self: Arc<Self>, mut stopping: watch::Receiver<bool>) {
         loop {
             let next = match self.next() {
@@ -227,7 +226,7 @@ impl Jobs {
         }
     }
 
-    /// How many jobs are not finished.
+    /// Number of unfinished jobs.
     pub(crate) fn n_unfinished(&self) -> usize {
         self.unfinished.len()
     }
@@ -250,14 +249,14 @@ impl Jobs {
     }
 
     fn next(&self) -> Result<Option<Job>, Refusal> {
-        // One whose end waits to be stored is over.
+        // A job whose end waits to be stored is over.
         let waiting = self.unfinished.iter().filter(|entry| !entry.is_over());
         let oldest = waiting.map(|entry| *entry.key()).min();
         let Some(id) = oldest else { return Ok(None) };
         Ok(self.store.jobs().find(id)?)
     }
 
-    /// What becomes of a job that was running when the server stopped.
+    /// Handles a job that was running when the server stopped.
     async fn after_interruption(&self, job: Job) -> Result<Option<Job>, Refusal> {
         let made = self.catalogues.made_by(&job.catalogue, job.id)?;
         let again = made.is_none() && job.error.is_none() && !job.cancel_requested;
@@ -282,7 +281,7 @@ impl Jobs {
     async fn run(self: &Arc<Self>, job: Job, stopping: watch::Receiver<bool>) {
         let id = job.id;
         let Some(control) = self.control(id) else { return };
-        // What a training stores counts to the key that asked for it.
+        // Records of a training count towards the key that requested it.
         let client = self.store.job_writer(id).ok().flatten().filter(|key| !key.is_nil());
         match asker::ask(client.map(Client::Key), self.train(&job, &control)).await {
             Ok(version) => {
@@ -355,15 +354,15 @@ impl Jobs {
                 Ok((trained, blocks))
             });
             let outcome = std::panic::catch_unwind(training);
-            // Whoever hears the answer may want to close the store.
+            // The receiver of the answer may close the store.
             drop((store, sensors));
-            // Nobody waits any more when the runtime is gone.
+            // The receiver is gone when the runtime is.
             let _ = answer.send(outcome.unwrap_or(Err(Refusal::Panicked.into())));
         });
         answered.await.unwrap_or(Err(Refusal::Panicked.into()))
     }
 
-    /// Tells the followers of a job that is finished, and forgets it.
+    /// Notifies the followers of a finished job, and forgets it.
     fn conclude(&self, job: &Job) {
         metrics::counter!("palpate_jobs_total", "state" => format!("{:?}", job.state)).increment(1);
         let reason = job.error.as_deref().unwrap_or("as asked");

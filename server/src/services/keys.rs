@@ -1,8 +1,8 @@
-//! API keys: who is let in. All keys are in memory; changes are durable before they count.
+//! API keys. All are in memory; changes are durable before they take effect.
 //!
-//! A secret leaves here once, when it is made; kept is its hash. Hashes are compared in
-//! constant time, and a key that does not exist takes as long as one that does.
-//! Not here: what a role may do (`roles`), and the way of a request (`guard`).
+//! A secret is returned once, when it is created; only its hash is kept. Hashes are compared
+//! in constant time, and an unknown key takes as long as a known one. Not here: permissions
+//! of roles (`roles`), and the check of requests (`guard`).
 
 mod holding;
 mod latest;
@@ -27,30 +27,30 @@ use crate::secret;
 use crate::wire::{self as convert, cursor, page_id, page_length};
 use latest::Latest;
 
-/// How exactly it is known when a key was last used, in milliseconds.
+/// Precision of a key's time of last use, in milliseconds.
 const LAST_USED_STEP_MS: u64 = 3_600_000;
-/// How many keys there may be, revoked ones included; the longest revoked make room.
+/// Maximum number of keys, revoked ones included; those revoked first are dropped.
 const KEYS_MAX: usize = 10_000;
-/// The lives that a key may have, in seconds.
+/// Permitted lifetimes of a key, in seconds.
 const EXPIRES_IN_S: (u64, u64) = (60, 315_360_000);
-/// The longest time that a secret before is let in beside the new one, in seconds.
+/// Maximum time for which the previous secret stays valid beside the new one, in seconds.
 const GRACE_S_MAX: u64 = 2_592_000;
 
 /// All keys.
 pub(crate) struct Keys {
     store: Database,
     known: Arc<RwLock<BTreeMap<Uuid, AccessKey>>>,
-    /// The names of robots that belong to keys.
+    /// The names of robots owned by keys.
     holders: RwLock<robots::Known>,
-    /// Held while keys change: that an admin is left is a promise about all of them.
+    /// Locked while keys change: the guarantee that an admin key is left concerns all of them.
     changing: tokio::sync::Mutex<()>,
     required: bool,
     latest: Latest,
-    /// Told of every change, so that what is open for a key's holder can end.
+    /// Notified of every change, so that streams of a key's holder can end.
     changes: watch::Sender<()>,
 }
 
-/// Why there are no keys to ask for.
+/// Error of keys that cannot be opened.
 #[derive(Debug, Error)]
 pub(crate) enum KeysError {
     #[error(transparent)]
@@ -60,8 +60,8 @@ pub(crate) enum KeysError {
 }
 
 impl Keys {
-    /// Reads the keys. Where keys are asked for, and with `fresh`, makes an admin's key if no
-    /// admin could get in; the answer has that key's secret.
+    /// Reads the keys. If keys are required, or with `fresh`, creates an admin's key if there
+    /// is no valid one, and returns its secret.
     pub(crate) async fn open(
         store: Database,
         access: Access,
@@ -97,7 +97,7 @@ impl Keys {
         self.required
     }
 
-    /// Whether a request's sender has a key, or nobody is asked for one.
+    /// Whether a request has a valid key, or keys are not required.
     pub(crate) fn admits(&self, headers: &HeaderMap) -> bool {
         let header = headers.get(header::AUTHORIZATION).map(HeaderValue::as_bytes);
         !self.required() || self.verify(header).is_ok()
@@ -133,7 +133,7 @@ impl Keys {
         Ok(key)
     }
 
-    /// The key of an id, or of a name; among equal names one that is let in.
+    /// The key with an id or a name; of equal names preferably a valid one.
     pub(crate) fn get(&self, reference: &str) -> Result<AccessKey, Refusal> {
         let found = match Uuid::try_parse(reference) {
             Ok(id) => self.find_id(id),
@@ -191,7 +191,7 @@ impl Keys {
         Ok(wire::NewApiKey { key: self.shown(&key), secret })
     }
 
-    /// Refuses a key from now on; one that is refused already stays as it is.
+    /// Revokes a key; no effect on a revoked one.
     pub(crate) async fn revoke(&self, reference: &str) -> Result<(), Refusal> {
         let _changing = self.changing.lock().await;
         let key = self.get(reference)?;
@@ -230,7 +230,7 @@ impl Keys {
         Ok(wire::NewApiKey { key: self.shown(&rotated), secret })
     }
 
-    /// Stores a changed key, then lets the change count.
+    /// Stores a changed key, then applies the change.
     async fn change(&self, key: AccessKey) -> Result<(), Refusal> {
         let change = |stored: &mut AccessKey| {
             *stored = AccessKey { last_used_at_ms: stored.last_used_at_ms, ..key.clone() };
@@ -241,7 +241,7 @@ impl Keys {
         Ok(())
     }
 
-    /// Notes that a key was used, when that is worth a write.
+    /// Records the use of a key, if the stored time is too old.
     fn used(&self, key: &AccessKey, now: u64) {
         if key.last_used_at_ms.is_some_and(|at| now < at.saturating_add(LAST_USED_STEP_MS)) {
             return;
@@ -264,7 +264,7 @@ impl Keys {
         });
     }
 
-    /// Forgets the key that was revoked first, when there are too many.
+    /// Drops the key revoked first, when there are too many.
     async fn make_room(&self) -> Result<(), Refusal> {
         let n_keys = self.read(BTreeMap::len);
         if n_keys < KEYS_MAX {

@@ -1,7 +1,7 @@
-//! The objects that robots are to recognise: their names, meshes and training readings.
+//! The objects to recognise: their names, meshes and training readings.
 //!
-//! Meshes and readings are stored as they came; what is derived from them is in catalogues.
-//! A catalogue's version keeps what it learnt of an object that is deleted later.
+//! Meshes and readings are stored as received; derived data is in catalogues. A catalogue's
+//! version keeps the model of an object that is deleted later.
 
 use std::sync::Arc;
 
@@ -25,9 +25,9 @@ use crate::wire::object::{mesh_report, read_format, stored_format, stored_unit, 
 use crate::wire::reading::{Incoming, READINGS_MAX};
 use crate::wire::{self as convert, PAGE_BYTES, cursor, page_id, page_length, page_number};
 
-/// The longest description, in characters.
+/// Maximum length of a description, in characters.
 const DESCRIPTION_MAX: usize = 2000;
-/// How often readings are appended anew when others append at the same time.
+/// Attempts of an append under concurrent appends.
 const APPEND_ATTEMPTS: usize = 16;
 
 /// All objects.
@@ -43,7 +43,7 @@ impl Objects {
         Self { store, sensors, pool, readings_max: config.object_readings_max }
     }
 
-    /// The object of an id or a name.
+    /// The object with an id or a name.
     pub(crate) fn find(&self, reference: &str) -> Result<Object, Refusal> {
         let table = self.store.objects();
         let found = match Uuid::parse_str(reference) {
@@ -53,7 +53,7 @@ impl Objects {
         found.ok_or_else(|| Refusal::NotFound { what: "object", reference: reference.to_owned() })
     }
 
-    /// The object as the wire shows it.
+    /// The object in its wire form.
     pub(crate) fn show(&self, object: &Object) -> Result<wire::ObjectInfo, Refusal> {
         let mesh = self.store.meshes().info(object.id)?;
         let n_readings = self.store.training().len(object.id)?;
@@ -119,7 +119,7 @@ impl Objects {
         Ok(())
     }
 
-    /// Reads a mesh and, if it is one, makes it the object's.
+    /// Reads a mesh and, if valid, makes it the object's.
     pub(crate) async fn put_mesh(
         &self,
         reference: &str,
@@ -142,7 +142,7 @@ impl Objects {
         Ok(mesh_report(&info, &mesh))
     }
 
-    /// An object's mesh as it was uploaded, to be read block by block, and its format.
+    /// A reader of an object's uploaded mesh, block by block, and its format.
     pub(crate) async fn mesh(&self, reference: &str) -> Result<(MeshFormat, MeshReader), Refusal> {
         let object = self.find(reference)?;
         let meshes = self.store.meshes();
@@ -154,7 +154,7 @@ impl Objects {
         Ok((read_format(reader.info().format), reader))
     }
 
-    /// Stores training readings: all of them or none, none of them twice.
+    /// Stores training readings: all or none, without repetitions.
     pub(crate) async fn add_readings(
         &self,
         reference: &str,
@@ -199,7 +199,7 @@ impl Objects {
         Err(AppendError::Sequence { expected: 0, found: 0 }.into())
     }
 
-    /// Training readings in the order in which they came.
+    /// Training readings in order of arrival.
     pub(crate) fn readings(
         &self,
         reference: &str,
@@ -222,8 +222,8 @@ impl Objects {
         })
     }
 
-    /// Refuses readings of another sensor than the object's first, since a map is of one, and
-    /// features of another length.
+    /// Refuses readings of another sensor than the object's first, since a map has one
+    /// sensor, and features of another length.
     fn check_like_first(&self, object: &Object, readings: &[Incoming]) -> Result<(), Refusal> {
         let first = match self.store.training().entry(object.id, 0)?.map(|entry| entry.event) {
             Some(Event::Reading(reading)) => reading,
@@ -250,7 +250,7 @@ impl Objects {
         Err(Refusal::field(format!("/readings/{index}/sensor"), detail))
     }
 
-    /// The readings that are not stored yet, as entries.
+    /// The entries of the readings that are not stored yet.
     fn new_entries(
         &self,
         object: &Object,

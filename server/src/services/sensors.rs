@@ -1,5 +1,5 @@
-//! The sensors that robots may send readings of. They never change, so they are kept in
-//! memory once they were asked for, until they are removed.
+//! The sensors of readings. They are immutable and are cached from their first use until
+//! their removal.
 
 mod removal;
 
@@ -25,9 +25,9 @@ pub(crate) struct Sensors {
     store: Database,
     known: Arc<KnownSensors>,
     calibrations: Calibrations,
-    /// Sensors that are about to be removed: no reading of them comes in.
+    /// Sensors under removal, which accept no readings.
     closed: DashSet<Uuid>,
-    /// Held for reading while readings are on their way into the store.
+    /// Read-locked while readings are being stored.
     using: Arc<tokio::sync::RwLock<()>>,
 }
 
@@ -38,12 +38,12 @@ impl Sensors {
         Self { store, known, calibrations, closed: DashSet::new(), using: Arc::default() }
     }
 
-    /// What is known of how they respond.
+    /// The calibrations of sensors.
     pub(crate) fn calibrations(&self) -> &Calibrations {
         &self.calibrations
     }
 
-    /// Makes a sensor of every preset, under the preset's name, unless the name is taken.
+    /// Adds a sensor for every preset, under the preset's name, unless the name is in use.
     pub(crate) async fn add_presets(&self) -> Result<(), StoreError> {
         for name in SensorDescription::PRESET_NAMES {
             let Some(description) = SensorDescription::preset_named(name) else { continue };
@@ -73,8 +73,7 @@ impl Sensors {
         Ok(self.known.get(reference)?)
     }
 
-    /// What the readings of a request name as their sensors, where there is one that is not
-    /// about to be removed.
+    /// The sensors named by the readings of a request, unless unknown or under removal.
     pub(crate) fn sources(&self, given: &[wire::Reading]) -> Result<Vec<Option<Source>>, Refusal> {
         given.iter().map(|reading| self.source(&reading.sensor)).collect()
     }
@@ -96,7 +95,7 @@ impl Sensors {
         Ok(sensor)
     }
 
-    /// How a reading of a sensor is understood; nothing is stored.
+    /// The interpretation of a sensor's reading; nothing is stored.
     pub(crate) fn check(
         &self,
         reference: &str,
@@ -121,7 +120,7 @@ impl Sensors {
         Ok(wire::SensorPage { items: items?, next_cursor: cursor(page.next) })
     }
 
-    /// A sensor for the wire.
+    /// A sensor in its wire form.
     pub(crate) fn show(&self, sensor: &Sensor) -> Result<wire::Sensor, Refusal> {
         let newest = self.known.newest(sensor.id)?;
         Ok(sensor::sensor(sensor, newest.map(|newest| newest.number)))

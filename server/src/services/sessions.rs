@@ -1,10 +1,10 @@
-//! Sessions: readings of one unknown object go in, beliefs about it come out.
+//! Sessions: beliefs about one unknown object from its readings.
 //!
 //! The journal is the truth: a reading is acknowledged when it is durable there. A belief is
-//! derived, folded from the journal's readings in their order, kept while the session is in
-//! use and rebuilt when it is asked for again. One session is one entry with its own lock;
-//! no guard of the map lives across an await. What changes a session runs in a task of its
-//! own, so that a robot that hangs up does not leave it half done.
+//! derived: folded from the journal's readings in their order, kept while the session is in
+//! use, and rebuilt on demand. One session is one entry with its own lock; no guard of the
+//! map lives across an await. Changes of a session run in a separate task, so that a robot
+//! that hangs up does not leave them half done.
 
 mod fits;
 mod fleet;
@@ -41,7 +41,7 @@ use crate::wire::{self as convert};
 
 use open::Open;
 
-/// The most pose hypotheses of an answer.
+/// Maximum number of pose hypotheses in an answer.
 const POSES_MAX: u64 = 100;
 
 /// All sessions.
@@ -56,11 +56,11 @@ pub(crate) struct Sessions {
     open: Open,
     checkpoints: Arc<Checkpoints>,
     live_max: usize,
-    /// The memory that beliefs have, and may have.
+    /// Used and permitted memory of beliefs.
     beliefs: Total,
     belief_bytes_max: usize,
     readings_max: usize,
-    /// What sessions get that do not say how long they live.
+    /// Default lifetime of sessions.
     time_to_live: Duration,
     answer_timeout: Duration,
 }
@@ -93,7 +93,7 @@ impl Sessions {
         }
     }
 
-    /// Stores readings, all or none, and answers the belief after them.
+    /// Stores readings, all or none, and returns the belief after them.
     pub(crate) async fn add(
         self: &Arc<Self>,
         id: &str,
@@ -116,7 +116,7 @@ impl Sessions {
             let _using = using;
             live.add(&sessions.tools(), readings, detail).await
         };
-        // Those who follow the session wait for its belief as well.
+        // Followers of the session wait for its belief as well.
         let adding = match is_followed {
             true => asker::spawn_within(self.answer_timeout, adding),
             false => asker::spawn(adding),
@@ -124,8 +124,7 @@ impl Sessions {
         finished(adding).await
     }
 
-    /// The belief as it is now or was after some readings; `None` when it is the one of
-    /// `known_revision`.
+    /// The present belief or that after some readings; `None` when it is that of `known_revision`.
     pub(crate) async fn belief(
         self: &Arc<Self>,
         id: &str,
@@ -140,8 +139,7 @@ impl Sessions {
         }
     }
 
-    /// The marginals of an object's pose as they are now; `None` when they are those of
-    /// `known_revision`.
+    /// The present marginals of an object's pose; `None` when they are those of `known_revision`.
     pub(crate) async fn marginals(
         self: &Arc<Self>,
         id: &str,
@@ -157,7 +155,7 @@ impl Sessions {
         finished(asking).await
     }
 
-    /// Where to touch next, as the belief is now.
+    /// The best next touches by the present belief.
     pub(crate) async fn next_touches(
         self: &Arc<Self>,
         id: &str,
@@ -175,7 +173,7 @@ impl Sessions {
         finished(asking).await
     }
 
-    /// What happens to a session from now on, and its belief as it is now.
+    /// Later events of a session, and its present belief.
     pub(crate) async fn follow(
         self: &Arc<Self>,
         id: Uuid,
@@ -186,23 +184,23 @@ impl Sessions {
         Ok((self.belief_of(live, POSES, known_revision).await?, events))
     }
 
-    /// The id of a session as a path has it.
+    /// The id of a session in a path.
     pub(crate) fn parse(&self, id: &str) -> Result<Uuid, Refusal> {
         let unknown = || Refusal::NotFound { what: "session", reference: id.to_owned() };
         Uuid::parse_str(id).map_err(|_| unknown())
     }
 
-    /// How many sessions are open.
+    /// Number of open sessions.
     pub(crate) fn n_open(&self) -> usize {
         self.open.len()
     }
 
-    /// How many bytes of memory beliefs have.
+    /// Bytes of memory of beliefs.
     pub(crate) fn belief_bytes(&self) -> usize {
         self.beliefs.bytes() + self.catalogues.table_bytes()
     }
 
-    /// How many sessions are in memory.
+    /// Number of sessions in memory.
     pub(crate) fn n_live(&self) -> usize {
         self.live.len()
     }
@@ -249,7 +247,7 @@ impl Sessions {
         Ok(convert::session::session(session, &catalogue, status, |key| self.keys.writer(key)))
     }
 
-    /// The session's entry in memory, made from the store if need be.
+    /// The session's entry in memory, created from the store if necessary.
     async fn live(&self, id: Uuid) -> Result<Arc<Live>, Refusal> {
         self.make_room(0)?;
         if let Some(live) = self.live.get(&id).map(|live| Arc::clone(&live)) {
@@ -267,8 +265,8 @@ impl Sessions {
         Ok(live)
     }
 
-    /// What a method recognises by. Sessions in memory that nobody uses make room for it:
-    /// their beliefs are in their journals.
+    /// The model part of a method. Unused sessions in memory are evicted for it: their
+    /// beliefs are in their journals.
     async fn model(
         &self,
         catalogue: Uuid,
@@ -285,9 +283,9 @@ impl Sessions {
         }
     }
 
-    /// Keeps the memory of beliefs and their tables within its budget, with room for `more`
-    /// bytes: those that were not used for longest are folded anew when they are needed.
-    /// Refuses when those that are worked with right now take it all.
+    /// Keeps the memory of beliefs and their tables within its budget, with space for `more`
+    /// bytes: the least recently used beliefs are dropped and folded again on demand. Refuses
+    /// if those in use take it all.
     fn make_room(&self, more: usize) -> Result<(), Refusal> {
         let max = self.belief_bytes_max;
         if self.belief_bytes() + more <= max {
@@ -296,7 +294,7 @@ impl Sessions {
         let mut uses: Vec<(u64, Arc<Live>)> =
             self.live.iter().map(|entry| (entry.last_use(), Arc::clone(&entry))).collect();
         uses.sort_unstable_by_key(|(last_use, _)| *last_use);
-        // A quarter at once, so that not every request has to look for room.
+        // A quarter at once, so that not every request has to evict.
         for (_, live) in uses {
             if self.belief_bytes() + more <= max - max / 4 {
                 break;
@@ -307,7 +305,7 @@ impl Sessions {
         if bytes > max { Err(Refusal::BeliefsFull { bytes, max }) } else { Ok(()) }
     }
 
-    /// Keeps an entry, unless another one was quicker; makes room when there are too many.
+    /// Keeps an entry, unless another one was quicker; evicts entries when there are too many.
     fn keep(&self, id: Uuid, live: Arc<Live>) -> Arc<Live> {
         live.used(self.uses.fetch_add(1, Ordering::Relaxed));
         let kept = Arc::clone(&self.live.entry(id).or_insert(live));
@@ -318,8 +316,8 @@ impl Sessions {
         kept
     }
 
-    /// Forgets the quarter that was not used for longest. Entries in use stay: there must
-    /// never be two of one session.
+    /// Evicts the least recently used quarter. Entries in use stay: there must never be two
+    /// of one session.
     fn forget_idle(&self) {
         let mut uses: Vec<(u64, Uuid)> =
             self.live.iter().map(|entry| (entry.last_use(), *entry.key())).collect();
@@ -335,18 +333,18 @@ async fn finished<T>(task: JoinHandle<Result<T, Refusal>>) -> Result<T, Refusal>
     task.await.unwrap_or(Err(Refusal::Panicked))
 }
 
-/// Whether nobody works with an entry or follows it.
+/// Whether no request uses an entry and no follower has it.
 fn is_idle(live: &Arc<Live>) -> bool {
     Arc::strong_count(live) == 1 && !live.is_followed()
 }
 
-/// How many poses an answer is to have at most.
+/// Maximum number of poses of an answer.
 fn poses(asked: Option<u32>) -> Result<usize, Refusal> {
     let asked = asked.map_or(POSES as u64, u64::from);
     Ok(convert::within("?poses", asked, 0, POSES_MAX)? as usize)
 }
 
-/// Whether an event ends a stream that follows one session.
+/// Whether an event ends a stream of one session.
 pub(crate) fn is_last(event: &SessionEvent) -> bool {
     match event {
         SessionEvent::Belief { .. } => false,

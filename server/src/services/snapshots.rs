@@ -1,5 +1,7 @@
-//! Snapshots of the running service: a stream of bytes, read from one moment of the database
-//! while readings go on. A receiver that stalls is given up, and one whose key ends gets no more.
+//! Snapshots of the running service: a stream of bytes of one moment of the database.
+//!
+//! Readings go on meanwhile. A receiver that stalls is abandoned, and one whose key ends gets
+//! no more.
 
 use std::time::Duration;
 
@@ -13,19 +15,18 @@ use tokio::time::timeout;
 use crate::clock::now_ms;
 use crate::refusal::Refusal;
 
-/// How many chunks wait for the receiver.
+/// Maximum number of chunks that wait for the receiver.
 const CHUNKS_MAX: usize = 4;
-/// Memory of a snapshot that is sent, in bytes: chunks of at most 1 MB that wait, one that is made
-/// and one that is sent.
+/// Memory of a snapshot in progress, in bytes: waiting chunks of at most 1 MB, one being made
+/// and one being sent.
 pub(crate) const IN_MEMORY: usize = (CHUNKS_MAX + 2) << 20;
-/// How long a receiver may take for a chunk.
+/// Time limit of a receiver for a chunk.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// A chunk, or why there is no more.
+/// A chunk, or the reason for the end.
 pub(crate) type Chunk = Result<Bytes, std::io::Error>;
 
-/// Begins a snapshot of everything that is acknowledged by now. When `ended` resolves it breaks
-/// off, whatever its receiver does.
+/// Starts a snapshot of everything acknowledged by now. It breaks off when `ended` resolves.
 pub(crate) async fn take(
     store: &Database,
     ended: impl Future<Output = ()> + Send + 'static,
@@ -69,7 +70,7 @@ fn send(
         match writer.next_chunk() {
             Ok(Some(chunk)) => {
                 if !put(Ok(chunk.into())) {
-                    // Who still reads shall see that this is not the end.
+                    // The reader must see that this is not the end.
                     let broken = std::io::Error::other("the key or the server has ended");
                     let _ = sender.try_send(Err(broken));
                     return tracing::warn!("A snapshot was not received to its end");

@@ -1,8 +1,8 @@
-//! What takes the room of the disk: which key holds how much, and what would free most.
+//! Use of the disk: the bytes that each key holds, and the things whose removal would free most.
 //!
-//! What keys hold is counted with every write. The largest things are found by a survey of all
-//! holdings, linear in the number of things: at the start, whenever somebody asks, and by itself
-//! at most a hundredth of the time.
+//! The bytes of keys are counted with every write. The largest things are found by a survey
+//! of all holdings, linear in the number of things: at the start, on request, and
+//! periodically for at most a hundredth of the time.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -22,13 +22,13 @@ use crate::limits::megabytes;
 use crate::refusal::Refusal;
 use crate::services::keys::Keys;
 
-/// How many things are named.
+/// Number of things named.
 const NAMED: usize = 10;
-/// How many of them a sentence names.
+/// Number of things named in a sentence.
 const IN_WORDS: usize = 3;
-/// How many keys have a figure of their own in the metrics.
+/// Number of keys with a figure of their own in the metrics.
 const FIGURES: usize = 100;
-/// The pause between two surveys: at least this, and this many times what the last one took.
+/// Minimum pause between two surveys, and its multiple of the last one's duration.
 const PAUSE: Duration = Duration::from_secs(60);
 const PAUSES: u32 = 100;
 
@@ -40,12 +40,12 @@ pub(crate) fn accounts(quota: Option<u64>) -> Who {
     })
 }
 
-/// What takes the room of the disk.
+/// Use of the disk.
 pub(crate) struct Storage {
     store: Database,
     keys: Arc<Keys>,
     quota: Option<u64>,
-    /// The largest things when it was last looked, most first.
+    /// The largest things at the last survey, most first.
     largest: Mutex<Vec<StoredThing>>,
 }
 
@@ -59,7 +59,7 @@ impl Storage {
         self.quota
     }
 
-    /// Everything about what is stored, surveyed now. Blocks.
+    /// Use of the disk, surveyed now. Blocks.
     pub(crate) fn show(&self) -> Result<wire::Storage, Refusal> {
         self.survey()?;
         let stats = self.store.stats()?;
@@ -74,7 +74,7 @@ impl Storage {
         })
     }
 
-    /// What would free most, in a sentence that names the largest.
+    /// A sentence that names the things whose removal would free most.
     pub(crate) fn advice(&self, stats: &EngineStats) -> String {
         let largest = self.largest(stats);
         let words = largest.iter().take(IN_WORDS).map(|thing| {
@@ -106,7 +106,7 @@ impl Storage {
         text
     }
 
-    /// Surveys now and then until the server stops.
+    /// Surveys periodically until the server stops.
     pub(crate) async fn watch(self: Arc<Self>, mut stopping: watch::Receiver<bool>) {
         loop {
             let (storage, start) = (Arc::clone(&self), Instant::now());
@@ -205,7 +205,7 @@ fn name(kind: StoredKind) -> &'static str {
 /// The largest sessions, and all objects and sensors, with their bytes.
 #[derive(Default)]
 struct Ranking {
-    /// The session whose holdings come now: they come one after the other.
+    /// The session whose holdings are being read; they are adjacent.
     session: Option<(Uuid, u64)>,
     sessions: Vec<(Uuid, u64)>,
     others: BTreeMap<(ThingKind, Uuid), u64>,

@@ -1,8 +1,8 @@
-//! What a training job does: readings of each object, a vocabulary, maps of each object.
+//! Work of a training job: readings of each object, a vocabulary, maps of each object.
 //!
-//! Everything is decided by the stored material, the request and its seed. It runs on the
-//! training pool's threads and asks between steps whether it is to stop. Not here: queueing
-//! jobs and storing what comes out.
+//! The result is determined by the stored data, the request and its seed. It runs on the
+//! training pool's threads and checks between steps whether to stop. Not here: queueing jobs
+//! and storing results.
 
 mod appearance;
 mod base;
@@ -42,7 +42,7 @@ use material::{Material, gather};
 use skipping::Skipped;
 use surface::Decided;
 
-/// What is to be trained.
+/// Plan of a training.
 pub(crate) struct Plan {
     pub(crate) objects: Vec<VersionObject>,
     /// The sensor that touches meshes.
@@ -50,22 +50,21 @@ pub(crate) struct Plan {
     pub(crate) readings_per_object: usize,
     pub(crate) seed: u64,
     pub(crate) config: TrainingConfig,
-    /// How maps of contact are trained, if they are.
+    /// Configuration of maps of contact, if trained.
     pub(crate) geometric: Option<GeometricConfig>,
-    /// How appearance is trained, if it is.
+    /// Configuration of appearance, if trained.
     pub(crate) appearance: Option<AppearancePlan>,
-    /// Whether maps of pairs of touches are learnt.
+    /// Whether maps of pairs of touches are trained.
     pub(crate) sva: bool,
-    /// Whether surfaces are learnt.
+    /// Whether surfaces are trained.
     pub(crate) surface: bool,
-    /// The version that is extended: its vocabularies and its other objects stay.
+    /// The version to extend: its vocabularies and its other objects stay.
     pub(crate) base: Option<Base>,
-    /// Whether an object that nothing can be learnt of fails the training.
+    /// Whether an object that cannot be trained makes the training fail.
     pub(crate) strict: bool,
 }
 
-/// What came out: objects of the extended version in their places, then new ones in the
-/// plan's order.
+/// Results: objects of the extended version at their indices, then new ones in the plan's order.
 pub(crate) struct Trained {
     pub(crate) model: TrainedModel,
     pub(crate) objects: Vec<ObjectReport>,
@@ -73,17 +72,17 @@ pub(crate) struct Trained {
     pub(crate) warnings: Vec<Warning>,
 }
 
-/// Where trainings read their material.
+/// Sources of training data.
 pub(crate) struct Sources<'a> {
     pub(crate) store: &'a Database,
     pub(crate) sensors: &'a Sensors,
 }
 
-/// Hears how far a training is (stage, done, total) and may stop it.
+/// Progress function: receives stage, done and total, and may stop the training.
 pub(crate) type Progress<'a> = dyn Fn(JobStage, usize, usize) -> ControlFlow<()> + Sync + 'a;
 
-/// Trains. The object at place i of the plan is touched with seed + i. Objects that nothing can be
-/// learnt of are left out as if they had not been asked for, unless the plan is strict.
+/// Trains a plan. Object i of the plan is touched with seed + i. Objects that cannot be
+/// trained are left out as if they had not been requested, unless the plan is strict.
 pub(crate) fn train(
     plan: &Plan,
     sources: &Sources<'_>,
@@ -108,7 +107,7 @@ pub(crate) fn train(
     }
 }
 
-/// Learns a model from all materials, and reports of their objects.
+/// Trains a model from all materials, and reports on their objects.
 fn learn(
     plan: &Plan,
     materials: &[Material],
@@ -173,8 +172,8 @@ fn with_base(plan: &Plan, materials: &[Material], objects: Vec<ObjectReport>) ->
     }
 }
 
-/// The vocabulary of pair maps: the extended version's, or one that is learnt; without pair
-/// maps one of no classes.
+/// The vocabulary of pair maps: the extended version's, or a learnt one; without pair maps
+/// one without classes.
 fn vocabulary(
     plan: &Plan,
     materials: &[Material],

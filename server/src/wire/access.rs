@@ -1,4 +1,4 @@
-//! Keys, roles and audit entries on the wire.
+//! Conversion of keys, roles and audit entries.
 
 use palpate_schemas as wire;
 use palpate_store::access::{AccessKey, Role};
@@ -24,7 +24,7 @@ pub(crate) fn key(key: &AccessKey, now_ms: u64, stored_bytes: u64) -> wire::ApiK
     }
 }
 
-/// An entry of the audit log as the wire has it.
+/// An entry of the audit log in its wire form.
 pub(crate) fn audit_entry(entry: AuditEntry) -> wire::AuditEntry {
     let ring = match entry.ring() {
         Ring::Changes => wire::AuditRing::Changes,

@@ -1,4 +1,4 @@
-//! Analyses: questions about coverings in, trade-offs out.
+//! Conversion of analyses: requests about coverings, and their trade-offs.
 
 use palpate_core::sensor::covering::{
     ALIASING_SPREAD, Acuity, force_resolutions, recommended, thickness_of_spread,
@@ -10,7 +10,7 @@ use palpate_schemas as wire;
 use crate::wire::Invalid;
 use crate::wire::count;
 
-/// The most coverings, and the most force resolutions, of one request.
+/// Maximum number of coverings, and of force resolutions, in one request.
 const ITEMS_MAX: usize = 50;
 /// Bounds of element widths, thicknesses and spreads.
 const LENGTHS: (f64, f64) = (0.01 * MM, 50.0 * MM);
@@ -20,7 +20,7 @@ const RESOLUTIONS: (f64, f64) = (1e-6, 1.0);
 /// The coverings of the dissertation.
 const THICKNESSES: [f64; 4] = [0.04 * INCH, 0.10 * INCH, 0.14 * INCH, 0.20 * INCH];
 
-/// A checked question: the coverings as (thickness, spread) in metres.
+/// A checked request: the coverings as (thickness, spread) in metres.
 pub(crate) struct Question {
     element_width: f64,
     coverings: Vec<(Option<f64>, f64)>,
@@ -54,7 +54,7 @@ pub(crate) fn question(request: &wire::AnalyseCoverings) -> Result<Question, Inv
     Ok(Question { element_width, coverings, force_resolutions: resolutions })
 }
 
-/// The trade-offs of a question's coverings.
+/// The trade-offs of a request's coverings.
 pub(crate) fn analysis(question: &Question) -> wire::CoveringAnalysis {
     let width = question.element_width;
     let trade_off = |&(thickness, spread): &(Option<f64>, f64)| {

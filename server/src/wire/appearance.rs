@@ -1,4 +1,4 @@
-//! Chapter 4 for the wire: what is to be trained, and what held-back readings say of it.
+//! Conversion of appearance: trainings and reports.
 
 use std::sync::Arc;
 
@@ -16,11 +16,11 @@ use palpate_store::catalogue::VersionObject;
 use crate::wire::Invalid;
 use crate::wire::{count, descriptor, number, within};
 
-/// The most candidates for the number of classes.
+/// Maximum number of candidates for the number of classes.
 const CANDIDATES_MAX: usize = 10;
-/// The most classes of a candidate.
+/// Maximum number of classes of a candidate.
 const CLASSES_MAX: u64 = 400;
-/// How far the covariance within objects moves towards the identity for discriminant axes.
+/// Shrinkage of the covariance within objects for discriminant axes.
 const SHRINKAGE: f64 = 0.1;
 
 /// A training's appearance with every default filled in, its numbers checked.
@@ -89,7 +89,7 @@ pub(crate) fn config(training: &AppearanceTraining) -> AppearanceConfig {
     }
 }
 
-/// What was learnt, in short. `vocabulary` is the hash of its block.
+/// Summary of the learnt appearance. `vocabulary` is the hash of its block.
 pub(crate) fn summary(
     model: &AppearanceModel,
     objects: &[VersionObject],
@@ -105,7 +105,7 @@ pub(crate) fn summary(
     }
 }
 
-/// What held-back readings say of a version.
+/// Report on a version from its held-out readings.
 pub(crate) fn report(
     model: &AppearanceModel,
     objects: &[VersionObject],
@@ -190,7 +190,7 @@ fn warnings(model: &AppearanceModel, objects: &[VersionObject]) -> Vec<String> {
     alike.chain(unproven).collect()
 }
 
-/// The name of a vocabulary: the beginning of its block's hash.
+/// The name of a vocabulary: the first digits of its block's hash.
 fn vocabulary_name(hash: &[u8; 32]) -> String {
     hash[..16].iter().map(|byte| format!("{byte:02x}")).collect()
 }

@@ -1,4 +1,4 @@
-//! Beliefs for the wire.
+//! Conversion of beliefs.
 
 use glam::DQuat;
 use palpate_core::belief::answer::{Answer, PoseMode};
@@ -11,7 +11,7 @@ use crate::model::Model;
 use crate::wire::session::{options, untold_unknown_prior};
 use crate::wire::{count, evidence, sensor, symmetry};
 
-/// A belief for the wire, with every object and pose.
+/// A belief in its wire form, with every object and pose.
 pub(crate) fn belief(
     session: &Session,
     revision: u64,
@@ -47,7 +47,7 @@ pub(crate) fn belief(
     }
 }
 
-/// Whether to stop, for a session that named a risk.
+/// The stop advice of a session with a stated risk.
 fn stop(session: &Session, answer: &Answer) -> Option<wire::StopAdvice> {
     let options = options(session);
     let risk = options.risk?;
@@ -55,7 +55,7 @@ fn stop(session: &Session, answer: &Answer) -> Option<wire::StopAdvice> {
     Some(wire::StopAdvice { risk, found, reached: found <= risk })
 }
 
-/// Whether a method answers poses modulo the objects' symmetries.
+/// Whether a method reports poses modulo the objects' symmetries.
 pub(crate) fn knows_symmetry(method: Method) -> bool {
     match method {
         Method::Surface | Method::Sva => true,
@@ -68,7 +68,7 @@ pub(crate) fn knows_symmetry(method: Method) -> bool {
     }
 }
 
-/// The same belief with its likeliest object and pose only.
+/// The belief with its likeliest object and pose only.
 pub(crate) fn top(mut belief: wire::Belief) -> wire::Belief {
     belief.objects.truncate(1);
     belief.poses.truncate(1);

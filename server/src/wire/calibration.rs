@@ -1,4 +1,4 @@
-//! Calibrations: indentations in, fits out.
+//! Conversion of sensor calibrations: indentations and fits.
 
 use palpate_core::reading::{ReadingError, checked};
 use palpate_core::sensor::line::{Goodness, Line};
@@ -14,16 +14,16 @@ use palpate_store::entity::Sensor;
 use crate::wire::reading::TAXELS_MAX;
 use crate::wire::{Invalid, count, time};
 
-/// The most presses at taxels' centres.
+/// Maximum number of presses at taxels' centres.
 const RESPONSE_PRESSES_MAX: usize = 100_000;
-/// The most presses of the fine grid.
+/// Maximum number of presses of the fine grid.
 const SPREAD_PRESSES_MAX: usize = 20_000;
-/// The deepest press, the thickest covering and the farthest place.
+/// Maximum depth, thickness and position.
 const LENGTH_MAX: f64 = 50.0 * MM;
-/// The smallest indenter.
+/// Minimum diameter of an indenter.
 const LENGTH_MIN: f64 = 0.01 * MM;
 
-/// Fits what a request has; its number is not known yet.
+/// The fit of a request, still without its number.
 pub(crate) fn fitted(
     request: &wire::CalibrateSensor,
     sensor: &Sensor,
@@ -90,7 +90,7 @@ fn fitted_spread(
         let y = length(&format!("{at}/y"), press.y, -LENGTH_MAX)?;
         let mut pressures = image(&at, &press.pressures, description)?;
         calibration.correct(&mut pressures);
-        // What is left at no depth is not part of the shape.
+        // The offset at zero depth is not part of the shape.
         pressures.iter_mut().flatten().for_each(|p| *p -= calibration.target().offset);
         Ok(SpreadPress { at: (x, y), pressures })
     };
@@ -155,7 +155,7 @@ fn refuse_response(error: ResponseError) -> Invalid {
     Invalid::field(at, error)
 }
 
-/// A stored calibration for the wire.
+/// A stored calibration in its wire form.
 pub(crate) fn calibration(
     stored: &StoredCalibration,
     description: &SensorDescription,

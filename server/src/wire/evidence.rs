@@ -1,9 +1,9 @@
-//! What stated probabilities rest on, for the wire.
+//! Conversion of the basis of stated probabilities.
 
 use palpate_recogniser::model::CalibrationBasis;
 use palpate_schemas::{Method, UncalibratedReason};
 
-/// Why a calibration is none; nothing when it was learnt.
+/// The reason for which a calibration is missing; `None` when it was learnt.
 pub(crate) fn reason(basis: CalibrationBasis) -> Option<UncalibratedReason> {
     match basis {
         CalibrationBasis::HeldBack { .. } => None,
@@ -12,15 +12,15 @@ pub(crate) fn reason(basis: CalibrationBasis) -> Option<UncalibratedReason> {
     }
 }
 
-/// Why what a method answers is not calibrated; nothing when it is. `basis` is that of the
-/// version's surfaces, if it has any.
+/// The reason for which a method's probabilities are not calibrated; `None` when they are.
+/// `basis` is that of the version's surfaces, if it has any.
 pub(crate) fn reason_of(
     method: Method,
     basis: Option<CalibrationBasis>,
 ) -> Option<UncalibratedReason> {
     match method {
         Method::Surface => basis.and_then(reason),
-        // Training fits its exponent on readings that it holds back.
+        // Training fits its exponent on held-out readings.
         Method::Appearance => None,
         Method::Sva
         | Method::SvaLiteral
@@ -31,7 +31,7 @@ pub(crate) fn reason_of(
     }
 }
 
-/// How many objects a calibration was learnt on; 0 when it was not, or nobody knows.
+/// Number of objects behind a calibration; 0 when there is none or it is unknown.
 pub(crate) fn n_objects(basis: CalibrationBasis) -> usize {
     match basis {
         CalibrationBasis::HeldBack { objects } => objects,
@@ -44,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_belief_is_calibrated_by_its_method_and_what_its_version_rests_on() {
+    fn calibration_depends_on_method_and_version() {
         let learnt = Some(CalibrationBasis::HeldBack { objects: 3 });
         let alone = Some(CalibrationBasis::OneObject);
         assert_eq!(reason_of(Method::Surface, learnt), None);

@@ -1,4 +1,4 @@
-//! Chapter 3 for the wire: what is to be trained, where an object may lie, what was learnt.
+//! Conversion of chapter 3's geometry: trainings, pose priors, maps and reports.
 
 use std::f64::consts::PI;
 
@@ -14,17 +14,17 @@ use uuid::Uuid;
 use crate::wire::Invalid;
 use crate::wire::{count, number, reading};
 
-/// The smallest and the largest side of a cell, in metres.
+/// Minimum and maximum side of a cell, in metres.
 const CELL: [f64; 2] = [1e-4, 0.05];
-/// The largest half side of the place where an object may lie, in metres.
+/// Maximum half side of the box of possible positions, in metres.
 const HALF_EXTENT_MAX: f64 = 1.0;
-/// Half the side of that place when the request does not say, in metres: the dissertation's.
+/// Default half side of that box, in metres: the dissertation's.
 pub(crate) const HALF_EXTENT: f64 = 0.01;
-/// The smallest such half side, in metres.
+/// Minimum half side of that box, in metres.
 const HALF_EXTENT_MIN: f64 = 1e-4;
-/// The smallest half width of a range of turns, in radians.
+/// Minimum half width of a range of rotations, in radians.
 const HALF_ANGLE_MIN: f64 = 1e-3;
-/// The largest coordinate of the middle of that place, in metres.
+/// Largest coordinate of that box's centre, in metres.
 const CENTER_MAX: f64 = 1e3;
 
 /// A training's geometry with its default filled in, its numbers checked.
@@ -46,7 +46,7 @@ pub(crate) fn config(training: &wire::GeometricTraining) -> GeometricConfig {
     GeometricConfig { cell: training.cell.unwrap_or(default.cell), ..default }
 }
 
-/// What the maps of a version are of.
+/// The kind of a version's maps.
 pub(crate) fn kind(model: &GeometricModel) -> GeometricKind {
     let mut maps = model.maps.iter();
     if maps.all(|map| map.occupancy.shape().is_planar()) {
@@ -56,7 +56,7 @@ pub(crate) fn kind(model: &GeometricModel) -> GeometricKind {
     }
 }
 
-/// What was learnt of an object's geometry.
+/// The report on an object's geometry.
 pub(crate) fn report(map: &GeometricMap) -> wire::GeometricReport {
     let shape = map.occupancy.shape();
     let n_force = map.mosaic.as_ref().map_or(0, |mosaic| 2 * mosaic.shape().n_cells());
@@ -69,7 +69,7 @@ pub(crate) fn report(map: &GeometricMap) -> wire::GeometricReport {
     }
 }
 
-/// An object's map of contact, with the cells of one slice if one is named.
+/// An object's map of contact, with the cells of one slice if named.
 pub(crate) fn occupancy_map(
     object: &VersionObject,
     map: &GeometricMap,
@@ -104,7 +104,7 @@ fn slice(grid: &OccupancyGrid, slice: u32) -> Result<&[f32], Invalid> {
     Ok(&grid.log_odds()[slice * x * y..(slice + 1) * x * y])
 }
 
-/// The number of a layer that a grid has.
+/// The index of an existing layer of a grid.
 pub(crate) fn slice_number(grid: &OccupancyGrid, slice: u32) -> Result<usize, Invalid> {
     let n_slices = grid.shape().n()[2];
     let last = n_slices as u64 - 1;
@@ -115,8 +115,8 @@ fn kind_of(grid: &OccupancyGrid) -> GeometricKind {
     if grid.shape().is_planar() { GeometricKind::Planar } else { GeometricKind::Solid }
 }
 
-/// A session's prior over poses with every default filled in, checked against the kind of
-/// maps it is for.
+/// A session's prior over poses with every default filled in, checked against the kind of its
+/// maps.
 pub(crate) fn pose_prior(
     given: Option<&PosePrior>,
     kind: GeometricKind,
@@ -187,7 +187,7 @@ fn bounded(
 }
 
 fn half_angle(found: f64) -> Result<f64, Invalid> {
-    // π as other programs print it is a little more than ours.
+    // π as printed by other programs is a little more than ours.
     number("/pose_prior/half_angle", found, HALF_ANGLE_MIN, PI + 1e-6).map(|angle| angle.min(PI))
 }
 
@@ -216,7 +216,7 @@ pub(crate) fn core_prior(prior: &PosePrior) -> Result<CorePrior, Invalid> {
     }
 }
 
-/// Marginals for the wire.
+/// Marginals in their wire form.
 pub(crate) fn marginals(
     session: Uuid,
     revision: u64,

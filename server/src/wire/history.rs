@@ -1,4 +1,4 @@
-//! The history of a session for the wire: steps, and what readings contributed.
+//! Conversion of a session's history: steps of a replay, and contributions of readings.
 
 use palpate_core::belief::answer::Answer;
 use palpate_schemas as wire;
@@ -10,34 +10,34 @@ use crate::model::Model;
 use crate::wire::session::options;
 use crate::wire::{count, time};
 
-/// A reading does not fit when the others expect it this many bits less than a touch anywhere: a
-/// touch that lies beside all that is mapped loses 6.6, its pattern of contact may lose 4.3 more.
+/// Bits below a touch anywhere at which a reading does not fit the others' belief: a touch
+/// beside all mapped surface loses 6.6, its pattern of contact may lose 4.3 more.
 const UNFIT_BITS: f64 = 8.0;
 
-/// Where fits are not known, a reading disagrees with the rest when the odds of what the rest
-/// says are this many bits larger without it: when it speaks against it sixteen to one.
+/// Without fits, increase of the odds of the others' answer without a reading, in bits, from
+/// which the reading disagrees: it is evidence against the answer at sixteen to one.
 const AGAINST_BITS: f64 = 4.0;
 
-/// Odds beyond 2¹⁰ : 1 count as that: how much surer than sure a method is says nothing.
+/// Odds beyond 2¹⁰ : 1 count as that: larger ones carry no information.
 const ODDS_BITS_MAX: f64 = 10.0;
 
-/// Less probable than this counts as this probable, so that contributions are finite.
+/// Smallest probability in contributions, so that they are finite.
 const PROBABILITY_MIN: f64 = 1e-12;
 
-/// Of fewer readings none can be said to be the wrong one.
+/// Minimum number of readings for one to be called wrong.
 const READINGS_MIN: usize = 3;
 
-/// How many objects a step of a replay lists.
+/// Maximum number of objects in a step of a replay.
 const STEP_OBJECTS_MAX: usize = 10;
 
-/// What is believed without a reading.
+/// The belief without a reading.
 pub(crate) struct Without {
     pub(crate) answer: Answer,
-    /// By how many bits the reading is expected then more than a touch anywhere.
+    /// Bits by which that belief expects the reading more than a touch anywhere.
     pub(crate) fit_bits: Option<f64>,
 }
 
-/// What an entry of the journal brought, and what was believed then.
+/// A journal entry, and the belief after it.
 pub(crate) fn step(entry: &Entry, late: bool, answer: &Answer, model: &Model) -> wire::ReplayStep {
     let change = match &entry.event {
         Event::Reading(_) => wire::SessionChange::Reading {
@@ -68,7 +68,7 @@ pub(crate) fn step(entry: &Entry, late: bool, answer: &Answer, model: &Model) ->
     }
 }
 
-/// What each reading contributed: `without` are the beliefs without each, as far as known.
+/// The contribution of each reading: `without` are the known beliefs without each.
 pub(crate) fn explanation(
     session: &Session,
     revision: u64,
@@ -112,7 +112,7 @@ pub(crate) fn explanation(
     }
 }
 
-/// Whether a reading disagrees with the rest: by how it fits, with the method that knows.
+/// Whether a reading disagrees with the others: by its fit, for a method that has one.
 fn disagrees(method: Method, fit_bits: Option<f64>, support_bits: Option<f64>) -> bool {
     match method {
         Method::Surface => fit_bits.is_some_and(|bits| bits <= -UNFIT_BITS),
@@ -126,18 +126,18 @@ fn disagrees(method: Method, fit_bits: Option<f64>, support_bits: Option<f64>) -
     }
 }
 
-/// Probabilities of all objects and, last, of none of them.
+/// Probabilities of all objects and, last, of "none of these".
 fn identities(answer: &Answer) -> Vec<f64> {
     let all = answer.probabilities.iter().chain([&answer.unknown]);
     all.map(|p| p.max(PROBABILITY_MIN)).collect()
 }
 
-/// The most probable one; the first of equal ones.
+/// The index of the most probable one; the first of equal ones.
 fn most(p: &[f64]) -> usize {
     (0..p.len()).fold(0, |best, place| if p[place] > p[best] { place } else { best })
 }
 
-/// log2 of the odds of one against all others together, within bounds.
+/// log₂ of the odds of one against all others together, clamped.
 fn log2_odds(p: &[f64], place: usize) -> f64 {
     let others: f64 = p.iter().enumerate().filter(|(other, _)| *other != place).map(|o| o.1).sum();
     (p[place] / others).log2().clamp(-ODDS_BITS_MAX, ODDS_BITS_MAX)
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn bits_are_those_of_the_textbook() {
+    fn bits_match_hand_computed_values() {
         let (p, q) = ([0.5, 0.25, 0.25], [0.25, 0.5, 0.25]);
         // 0.5 · log2 2 + 0.25 · log2 ½ + 0.25 · log2 1.
         check(divergence_bits(&p, &q), 0.25);
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn surer_than_sure_is_sure() {
+    fn odds_are_clamped() {
         check(log2_odds(&[1.0 - 1e-9, 1e-9], 0), 10.0);
         check(log2_odds(&[1.0 - 1e-9, 1e-9], 1), -10.0);
     }

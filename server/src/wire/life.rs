@@ -1,4 +1,4 @@
-//! What a session is doing, and what keeps it open and ends it: leases, expiry, the truth.
+//! Conversion of a session's status: leases, expiry, end and truth.
 
 use std::time::Duration;
 
@@ -12,32 +12,32 @@ use crate::wire::Invalid;
 use crate::wire::session::{TTL_MAX, options, written};
 use crate::wire::{time, within};
 
-/// What a session is doing, beside what is stored under its id.
+/// Status of a session, beside its stored record.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Status {
-    /// How many entries its journal has: its revision.
+    /// Number of journal entries: the revision.
     pub(crate) length: u64,
-    /// Readings that count.
+    /// Number of readings that count.
     pub(crate) n_readings: u64,
-    /// Readings that are withdrawn.
+    /// Number of withdrawn readings.
     pub(crate) n_retracted: u64,
     /// When the last entry came, or the session began.
     pub(crate) changed_at_ms: u64,
-    /// When and why it ended; `None` while it is open.
+    /// Time and reason of the end; `None` while it is open.
     pub(crate) end: Option<End>,
-    /// When it expires, or has expired, if nothing new comes; `None` when it never does.
+    /// Time of expiry without new readings, past or future; `None` for never.
     pub(crate) expires_at_ms: Option<u64>,
     pub(crate) leased_until_ms: Option<u64>,
 }
 
-/// When and why a session ended.
+/// Time and reason of a session's end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct End {
     pub(crate) at_ms: u64,
     pub(crate) reason: EndReason,
 }
 
-/// Why a session takes no more readings.
+/// Reason for which a session accepts no readings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum EndReason {
     Closed,
@@ -58,18 +58,18 @@ impl std::fmt::Display for End {
 }
 
 impl Status {
-    /// How many readings are stored, those that are withdrawn included.
+    /// Number of stored readings, withdrawn ones included.
     pub(crate) fn n_stored(&self) -> u64 {
         self.n_readings + self.n_retracted
     }
 }
 
-/// How long a lease keeps a session open, checked.
+/// The checked duration of a lease.
 pub(crate) fn lease(asked: wire::ExtendSession) -> Result<Duration, Invalid> {
     within("/seconds", u64::from(asked.seconds), 1, TTL_MAX).map(Duration::from_secs)
 }
 
-/// Keeps a session open until then at least; a lease that lasts longer stays as it is.
+/// Keeps a session open until at least this time; a longer lease stays.
 pub(crate) fn set_lease(session: &mut Session, until_ms: u64, key: Option<Uuid>) {
     let mut options = options(session);
     if options.leased_until_ms < Some(until_ms) {
@@ -78,7 +78,7 @@ pub(crate) fn set_lease(session: &mut Session, until_ms: u64, key: Option<Uuid>)
     session.options = written(&options);
 }
 
-/// The key that opened a session; `None` when that was not recorded, or nobody was asked for one.
+/// The key that opened a session; `None` when it was not recorded or keys are not required.
 pub(crate) fn opened_by(session: &Session) -> Option<Uuid> {
     options(session).opened_by
 }
@@ -91,7 +91,7 @@ pub(crate) struct OtherTruth {
     before: String,
 }
 
-/// Notes what a session's object was; whether it was not known before.
+/// Records a session's true object; whether it was unknown before.
 pub(crate) fn set_truth(session: &mut Session, truth: &wire::Truth) -> Result<bool, OtherTruth> {
     let mut options = options(session);
     match &options.truth {
@@ -108,8 +108,8 @@ pub(crate) fn set_truth(session: &mut Session, truth: &wire::Truth) -> Result<bo
     }
 }
 
-/// The object that a client names as the truth: its place in the model, `None` when it was none
-/// of the catalogue's. `Ok(None)` when nothing is said.
+/// The true object stated by a client: its index in the model, `None` for an object outside
+/// the catalogue. `Ok(None)` when none is stated.
 pub(crate) fn told_truth(
     asked: &wire::CloseSession,
     model: &Model,

@@ -1,4 +1,4 @@
-//! Next touches: what a robot asks, checked, and the answer for the wire.
+//! Conversion of next touches: checked requests, and answers.
 
 use std::time::Duration;
 
@@ -12,22 +12,22 @@ use uuid::Uuid;
 use crate::wire::Invalid;
 use crate::wire::{INTEGER_MAX, count, number, reading, sensor, within};
 
-/// Approaches of an answer when the request does not say.
+/// Default number of approaches in an answer.
 const N: u32 = 5;
-/// The most approaches of a request and of an answer.
+/// Maximum number of approaches in a request and in an answer.
 const N_MAX: usize = 1000;
-/// How long is evaluated when the request does not say, milliseconds.
+/// Default time of the evaluation, milliseconds.
 const DEADLINE_MS: u32 = 100;
-/// The longest that may be asked for, milliseconds.
+/// Maximum time of the evaluation, milliseconds.
 const DEADLINE_MS_MAX: u64 = 10_000;
-/// The longest way of an approach and the largest workspace, metres.
+/// Maximum length of an approach and radius of a workspace, metres.
 const REACH_MAX: f64 = 10.0;
 /// The largest cost.
 const COST_MAX: f64 = 1e9;
-/// The largest coordinate of a workspace's middle, metres.
+/// Largest coordinate of a workspace's centre, metres.
 const POSITION_MAX: f64 = 1e6;
 
-/// What was asked, checked.
+/// A checked request.
 #[derive(Clone, Debug)]
 pub(crate) struct Question {
     pub(crate) approaches: Option<Vec<Approach>>,
@@ -47,7 +47,7 @@ pub(crate) fn question(
     let deadline_ms = u64::from(asked.deadline_ms.unwrap_or(DEADLINE_MS));
     let deadline_ms = within("/deadline_ms", deadline_ms, 1, DEADLINE_MS_MAX)?;
     let options = NextTouchOptions {
-        // Of an oblong array the narrow side: what lies under it is felt either way round.
+        // For an oblong array the narrow side: it covers both orientations.
         half_width: 0.5 * grid.pitch * grid.rows.min(grid.cols) as f64,
         recenters: asked.recenters.unwrap_or(false),
         workspace: asked.workspace.as_ref().map(workspace).transpose()?,
@@ -103,7 +103,7 @@ fn positive(pointer: &str, found: f64, max: f64, unit: &str) -> Result<f64, Inva
     Err(Invalid::field(pointer, detail))
 }
 
-/// An answer for the wire: the best `question.n`.
+/// The answer in its wire form: the best `question.n`.
 pub(crate) fn next_touches(
     session: Uuid,
     revision: u64,

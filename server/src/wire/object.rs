@@ -1,4 +1,4 @@
-//! Objects and their meshes for the wire.
+//! Conversion of objects and their meshes.
 
 use palpate_core::units::Shown;
 use palpate_schemas as wire;
@@ -10,7 +10,7 @@ use thiserror::Error;
 use crate::hints::{SIZE_LARGE, SIZE_SMALL};
 use crate::wire::{Invalid, count, time};
 
-/// A stored object for the wire.
+/// A stored object in its wire form.
 pub(crate) fn object(
     object: &Object,
     mesh: Option<&store::MeshInfo>,
@@ -27,7 +27,7 @@ pub(crate) fn object(
     }
 }
 
-/// What is stored of a mesh, for the wire.
+/// The metadata of a mesh in their wire form.
 pub(crate) fn mesh_info(info: &store::MeshInfo) -> wire::MeshInfo {
     wire::MeshInfo {
         format: match info.format {
@@ -43,7 +43,7 @@ pub(crate) fn mesh_info(info: &store::MeshInfo) -> wire::MeshInfo {
     }
 }
 
-/// How a mesh was understood.
+/// The interpretation of a mesh.
 pub(crate) fn mesh_report(info: &store::MeshInfo, mesh: &Mesh) -> wire::MeshReport {
     let size = mesh.extent().to_array();
     wire::MeshReport {
@@ -73,7 +73,7 @@ fn warnings(mesh: &Mesh, unit: store::MeshUnit) -> Vec<String> {
     warnings
 }
 
-/// Why an upload's format is not known.
+/// Error of an upload of unknown format.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub(crate) enum FormatError {
     #[error("the content type is {found:?}, expected {MESH_TYPES}")]
@@ -86,7 +86,7 @@ pub(crate) enum FormatError {
 const MESH_TYPES: &str =
     "model/stl, model/obj, model/ply, model/off, or application/octet-stream with ?format=";
 
-/// The format of an upload, by its content type or by the query.
+/// The format of an upload, from its content type or the query.
 pub(crate) fn mesh_format(
     content_type: &str,
     asked: Option<wire::MeshFormat>,
@@ -113,7 +113,7 @@ pub(crate) fn unit_metres(unit: store::MeshUnit) -> f64 {
     shown_unit(unit).metres()
 }
 
-/// The unit as it is stored.
+/// The unit in its stored form.
 pub(crate) fn stored_unit(unit: wire::MeshUnit) -> store::MeshUnit {
     match unit {
         wire::MeshUnit::M => store::MeshUnit::Metre,
@@ -132,7 +132,7 @@ fn shown_unit(unit: store::MeshUnit) -> wire::MeshUnit {
     }
 }
 
-/// The format as it is stored.
+/// The format in its stored form.
 pub(crate) fn stored_format(format: MeshFormat) -> store::MeshFormat {
     match format {
         MeshFormat::Stl => store::MeshFormat::Stl,
@@ -142,7 +142,7 @@ pub(crate) fn stored_format(format: MeshFormat) -> store::MeshFormat {
     }
 }
 
-/// A stored format as the mesh readers know it.
+/// A stored format in the form of the mesh parsers.
 pub(crate) fn read_format(format: store::MeshFormat) -> MeshFormat {
     match format {
         store::MeshFormat::Stl => MeshFormat::Stl,

@@ -1,4 +1,4 @@
-//! Readings: checked against their sensor when they come in, as they were when they go out.
+//! Conversion of readings: checked against their sensor on arrival, returned unchanged.
 
 use std::sync::Arc;
 
@@ -16,26 +16,26 @@ use crate::hints::{Judged, of_readings};
 use crate::wire::Invalid;
 use crate::wire::{INTEGER_MAX, sensor};
 
-/// The most readings of one request.
+/// Maximum number of readings in one request.
 pub(crate) const READINGS_MAX: usize = 1000;
-/// The most taxels and feature values of one request: one commit must hold them.
+/// Maximum number of taxels and feature values in one request, which one commit must hold.
 pub(crate) const TAXELS_MAX: usize = 4_000_000;
-/// The most values of a feature.
+/// Maximum length of a feature.
 const FEATURE_MAX: usize = 4096;
 /// The largest value of a feature.
 const FEATURE_VALUE_MAX: f64 = 1e9;
-/// The most wrong fields that one answer lists.
+/// Maximum number of errors in one answer.
 pub(crate) const ERRORS_MAX: usize = 20;
 /// The largest coordinate of a position, in metres.
 const POSITION_MAX: f64 = 1e6;
-/// The longest way of a press, metres.
+/// Maximum length of an approach, metres.
 const APPROACH_MAX: f64 = 10.0;
-/// The longest name of a frame, in characters.
+/// Maximum length of a frame's name, in characters.
 const FRAME_ID_MAX: usize = 256;
-/// The largest whole seconds of a stamp: later, nanoseconds do not fit 64 bits.
+/// Maximum whole seconds of a stamp: beyond it nanoseconds do not fit 64 bits.
 const STAMP_SEC_MAX: u64 = 9_000_000_000;
 
-/// A reading that was checked: as it is to be stored, and as core knows it.
+/// A checked reading: in its stored form, and in core's.
 #[derive(Clone, Debug)]
 pub(crate) struct Incoming {
     pub(crate) id: Option<ReadingId>,
@@ -45,7 +45,7 @@ pub(crate) struct Incoming {
 }
 
 impl Incoming {
-    /// The reading as `hints` judges it.
+    /// The reading in the form of `hints`.
     pub(crate) fn judged(&self) -> Judged<'_> {
         Judged {
             reading: &self.reading,
@@ -117,7 +117,7 @@ pub(crate) fn readings(
     if errors.is_empty() { Ok(checked) } else { Err(Invalid(errors)) }
 }
 
-/// What is probably a mistake in the readings of a request, which follow those of a journal whose
+/// The probable mistakes in the readings of a request, which follow those of a journal whose
 /// first reading has the pose `first`.
 pub(crate) fn warnings(readings: &[Incoming], first: Option<Pose>) -> Vec<wire::Warning> {
     let judged: Vec<Judged<'_>> = readings.iter().map(Incoming::judged).collect();
@@ -132,7 +132,7 @@ pub(crate) fn pose_of(entry: &Entry) -> Option<Pose> {
     }
 }
 
-/// Checks one reading that stands at `pointer`.
+/// Checks the reading at `pointer`.
 pub(crate) fn one(
     pointer: &str,
     given: &wire::Reading,
@@ -171,9 +171,9 @@ pub(crate) fn no_sensor(pointer: &str, named: &str) -> Invalid {
     Invalid::field(pointer, format!("there is no sensor {named:?}, expected an id or a name"))
 }
 
-/// A stored reading as core knows it, corrected with the calibration that it names. It was
-/// checked when it came, but not by this program. Where no pose is stored the reading has the
-/// identity: those who need poses look for the stored one first.
+/// A stored reading in core's form, corrected with the calibration that it names. It was
+/// checked on arrival, but not by this program. A reading without a stored pose gets the
+/// identity: callers that need poses check the stored one first.
 pub(crate) fn from_store(
     stored: &StoredReading,
     sensor: &Sensor,
@@ -186,7 +186,7 @@ pub(crate) fn from_store(
     Ok(reading.after_approach(stored.approach))
 }
 
-/// How far a press came with nothing in touch, metres.
+/// The length of a press's free path, metres, checked.
 fn approach(pointer: &str, given: &wire::Reading) -> Result<f64, Invalid> {
     let metres = given.approach_m.unwrap_or(0.0);
     if (0.0..=APPROACH_MAX).contains(&metres) {
@@ -196,13 +196,13 @@ fn approach(pointer: &str, given: &wire::Reading) -> Result<f64, Invalid> {
     Err(Invalid::field(format!("{pointer}/approach_m"), detail))
 }
 
-/// How far the object may have moved, checked.
+/// The possible motion of the object, checked.
 fn object_moved(pointer: &str, given: &wire::Reading) -> Result<Option<Looseness>, Invalid> {
     let pointer = format!("{pointer}/object_moved");
     given.object_moved.map(|moved| looseness(&pointer, moved)).transpose()
 }
 
-/// Deviations of a place, checked.
+/// Deviations of a pose, checked.
 pub(crate) fn looseness(pointer: &str, given: wire::Looseness) -> Result<Looseness, Invalid> {
     let within = |field: &str, value: f64, max: f64, unit: &str| {
         let detail = format!("came {}, expected {unit} above 0, at most {max}", Shown(value));
@@ -217,7 +217,7 @@ pub(crate) fn looseness(pointer: &str, given: wire::Looseness) -> Result<Loosene
     })
 }
 
-/// A stored training reading for the wire; `None` for entries that are not readings.
+/// A stored training reading in its wire form; `None` for other entries.
 pub(crate) fn stored(
     entry: &Entry,
     writer: impl Fn(Uuid) -> wire::Writer,
@@ -237,8 +237,8 @@ pub(crate) fn stored(
     })
 }
 
-/// A stored reading of a session for the wire, with the entry that withdraws it; `None` for
-/// entries that are not readings.
+/// A stored reading of a session in its wire form, with the entry that withdraws it; `None`
+/// for other entries.
 pub(crate) fn of_session(
     entry: &Entry,
     withdrawn_by: Option<&Entry>,
@@ -370,7 +370,7 @@ fn stamp(ns: i64) -> wire::Stamp {
     wire::Stamp { sec: ns / 1_000_000_000, nanosec: (ns % 1_000_000_000) as u32 }
 }
 
-/// The frame that the readings of one request share, or a refusal.
+/// The common frame of a request's readings, or a refusal.
 pub(crate) fn shared_frame(given: &[wire::Reading]) -> Result<Option<&str>, Invalid> {
     let first = given.first().and_then(|reading| reading.frame_id.as_deref());
     let other = given.iter().position(|reading| reading.frame_id.as_deref() != first);

@@ -1,4 +1,4 @@
-//! Sensors: descriptions in, descriptions and dry-runs out.
+//! Conversion of sensors: descriptions and checks of readings.
 
 use palpate_core::contact::contact_floor;
 use palpate_core::contact::{CONTACT_SHARE, center_of_pressure};
@@ -16,7 +16,7 @@ use crate::hints::{Hint, Judged};
 use crate::wire::reading::Applied;
 use crate::wire::{Invalid, time};
 
-/// A stored sensor and the number of its newest calibration for the wire.
+/// A stored sensor and the number of its newest calibration in their wire form.
 pub(crate) fn sensor(sensor: &Sensor, calibration: Option<u32>) -> wire::Sensor {
     wire::Sensor {
         id: sensor.id,
@@ -28,7 +28,7 @@ pub(crate) fn sensor(sensor: &Sensor, calibration: Option<u32>) -> wire::Sensor 
     }
 }
 
-/// A new sensor from the wire, checked.
+/// A new sensor, checked.
 pub(crate) fn new_sensor(
     request: &wire::CreateSensor,
     id: Uuid,
@@ -78,7 +78,7 @@ fn description(description: &SensorDescription) -> wire::SensorDescription {
     }
 }
 
-/// What a data sheet does not say is filled in.
+/// The checked description, with defaults for missing properties.
 fn checked_description(given: &wire::DescribeSensor) -> Result<SensorDescription, Invalid> {
     let (thickness, saturation) = (given.covering_thickness, given.saturation);
     let force_curve = match &given.force_curve {
@@ -136,7 +136,7 @@ fn refuse(error: SensorError) -> Invalid {
     Invalid::field(pointer, error)
 }
 
-/// How a reading is understood.
+/// The interpretation of a reading.
 pub(crate) fn check(
     reading: &Reading,
     session_from_sensor: Option<Pose>,
@@ -185,8 +185,7 @@ fn warning(hint: Hint) -> wire::Warning {
     wire::Warning { code: hint.code, pointer: hint.field.to_owned(), detail: hint.detail }
 }
 
-/// What is unusual about a reading, in words: what is probably a mistake, and what one may not
-/// expect.
+/// Remarks on a reading, in words: probable mistakes, and unexpected properties.
 fn hints(warnings: &[Hint], n_taxels: usize, n_missing: usize, touches: bool) -> Vec<String> {
     let mut hints: Vec<String> = warnings.iter().map(|hint| hint.detail.clone()).collect();
     let is_unit = |hint: &Hint| hint.code == wire::WarningCode::PressureUnit;
@@ -201,12 +200,12 @@ fn hints(warnings: &[Hint], n_taxels: usize, n_missing: usize, touches: bool) ->
     hints
 }
 
-/// Three numbers for the wire.
+/// Three numbers in their wire form.
 fn point([x, y, z]: [f64; 3]) -> wire::Point {
     wire::Point { x, y, z }
 }
 
-/// A pose for the wire.
+/// A pose in its wire form.
 pub(crate) fn pose(pose: &Pose) -> wire::Pose {
     wire::Pose { position: pose.translation.to_array(), orientation: pose.rotation.to_array() }
 }

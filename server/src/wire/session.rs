@@ -1,4 +1,4 @@
-//! Sessions for the wire.
+//! Conversion of sessions.
 
 use std::time::Duration;
 
@@ -19,24 +19,24 @@ use crate::wire::life::{EndReason, Status};
 use crate::wire::reading::looseness;
 use crate::wire::{INTEGER_MAX, count, geometry, time};
 
-/// How far probabilities may miss the sum 1.
+/// Tolerance of the sum of probabilities about 1.
 const SUM_TOLERANCE: f64 = 1e-6;
-/// The longest time to live, in seconds.
+/// Maximum lifetime, in seconds.
 pub(super) const TTL_MAX: u64 = 31_536_000;
 
-/// Bins of an object along x, y and the turn when the request does not say: Table 3.1.
+/// Default number of bins of an object along x, y and the turn: Table 3.1.
 const BINS: [u32; 3] = [25, 25, 16];
-/// Particles when the request does not say.
+/// Default number of particles.
 const PARTICLES: u32 = 10_000;
-/// The most bins of an object, and the most particles.
+/// Maximum number of bins of an object, and of particles.
 const HYPOTHESES_MAX: u64 = 100_000;
 
-/// The most robots whose bases are not exact.
+/// Maximum number of robots with uncertain bases.
 const ROBOTS_MAX: usize = 100;
-/// The risks that a client may name.
+/// Permitted risks.
 const RISKS: std::ops::RangeInclusive<f64> = 0.000_1..=0.5;
 
-/// The options of a session that have no field of their own in the store.
+/// The options of a session without their own fields in the store.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub(crate) struct Options {
     pub(crate) method: Method,
@@ -52,27 +52,27 @@ pub(crate) struct Options {
     pub(crate) object_moves: Option<wire::Looseness>,
     #[serde(default)]
     pub(crate) risk: Option<f64>,
-    /// Of a surface session that is older than the option: the recogniser's own.
+    /// Missing in surface sessions older than the option: the recogniser's default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) unknown_prior: Option<f64>,
-    /// Whether the client named it.
+    /// Whether the client stated it.
     #[serde(default)]
     pub(crate) is_unknown_prior_told: bool,
-    /// Until when a lease keeps the session open.
+    /// End of the lease that keeps the session open.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) leased_until_ms: Option<u64>,
     /// The key that opened the session.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) opened_by: Option<Uuid>,
-    /// The key that asked for the lease.
+    /// The key that requested the lease.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) leased_by: Option<Uuid>,
-    /// What the object was.
+    /// The true object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) truth: Option<wire::Truth>,
 }
 
-/// What the server sets when the request does not.
+/// Defaults and limits of the server.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Limits {
     pub(crate) time_to_live: Duration,
@@ -81,7 +81,7 @@ pub(crate) struct Limits {
     pub(crate) opened_by: Option<Uuid>,
 }
 
-/// A session for the wire.
+/// A session in its wire form.
 pub(crate) fn session(
     session: &Session,
     catalogue: &str,
@@ -128,12 +128,12 @@ pub(crate) fn written(options: &Options) -> String {
     serde_json::to_string(options).expect("numbers and names can be written")
 }
 
-/// How a stored session recognises.
+/// The options of a stored session.
 pub(crate) fn options(session: &Session) -> Options {
     serde_json::from_str(&session.options).unwrap_or_default()
 }
 
-/// A method as the store names it.
+/// A method in its stored form.
 fn stored_method(method: Method) -> StoredMethod {
     match method {
         Method::Surface => StoredMethod::Surface,
@@ -145,12 +145,12 @@ fn stored_method(method: Method) -> StoredMethod {
     }
 }
 
-/// The frame of a stored session, if it was named.
+/// The frame of a stored session, if stated.
 pub(crate) fn frame_id(session: &Session) -> Option<&str> {
     (!session.frame_id.is_empty()).then_some(session.frame_id.as_str())
 }
 
-/// A new session from the wire, checked against the model it pins.
+/// A new session, checked against the model of its version.
 pub(crate) fn new_session(
     request: &wire::CreateSession,
     method: Method,
@@ -187,13 +187,13 @@ pub(crate) fn new_session(
     })
 }
 
-/// How a new session recognises: as it says, or by surfaces where there are any.
+/// The method of a new session: the requested one, or surfaces if there are any.
 pub(crate) fn method(request: &wire::CreateSession, has_surfaces: bool) -> Method {
     let usual = if has_surfaces { Method::Surface } else { Method::Sva };
     request.method.unwrap_or(usual)
 }
 
-/// The part of a model that a method recognises by.
+/// The model part of a method.
 pub(crate) fn part(method: Method) -> ModelPart {
     match method {
         Method::Surface => ModelPart::Surface,
@@ -205,8 +205,8 @@ pub(crate) fn part(method: Method) -> ModelPart {
     }
 }
 
-/// The options of a new session with every default filled in. What another method would use
-/// is a mistake.
+/// The options of a new session with every default filled in. Options of other methods are
+/// refused.
 fn checked_options(
     request: &wire::CreateSession,
     method: Method,
@@ -274,7 +274,7 @@ fn checked_options(
     Ok(options)
 }
 
-/// The options with as many bins and particles as a session has when it does not say.
+/// The options with the default number of bins and particles.
 pub(crate) fn with_usual_size(chosen: &Options) -> Options {
     let mut changed = chosen.clone();
     changed.bins = changed.bins.map(|_| BINS);
@@ -282,7 +282,7 @@ pub(crate) fn with_usual_size(chosen: &Options) -> Options {
     changed
 }
 
-/// Robots whose bases are not exact, checked.
+/// Robots with uncertain bases, checked.
 fn robots(given: &[wire::RobotBase]) -> Result<Vec<wire::RobotBase>, Invalid> {
     if given.len() > ROBOTS_MAX {
         let detail = format!("{} robots came, expected at most {ROBOTS_MAX}", given.len());
@@ -300,7 +300,7 @@ fn robots(given: &[wire::RobotBase]) -> Result<Vec<wire::RobotBase>, Invalid> {
     Ok(given.to_vec())
 }
 
-/// A named risk, checked.
+/// A stated risk, checked.
 fn risk(given: f64) -> Result<f64, Invalid> {
     if RISKS.contains(&given) {
         return Ok(given);
@@ -318,15 +318,15 @@ fn unknown_prior(given: f64) -> Result<f64, Invalid> {
     Err(Invalid::field("/unknown_prior", detail))
 }
 
-/// The recogniser's own probability of "none of these" when the client named none; in sessions
-/// that do not say who named theirs, one that differs was named.
+/// The recogniser's default probability of "none of these" if the client stated none; in
+/// sessions that do not record that, a value that differs was stated.
 pub(crate) fn untold_unknown_prior(options: &Options) -> Option<f64> {
     let usual = SurfaceOptions::default().unknown;
     let is_usual = options.unknown_prior.is_none_or(|prior| prior.total_cmp(&usual).is_eq());
     (is_usual && !options.is_unknown_prior_told).then_some(usual)
 }
 
-/// How the surface recogniser works in a session.
+/// The surface recogniser's options for a session.
 pub(crate) fn surface_options(options: &Options) -> SurfaceOptions {
     let usual = SurfaceOptions::default();
     let unknown = options.unknown_prior.unwrap_or(usual.unknown);
@@ -337,7 +337,7 @@ pub(crate) fn surface_options(options: &Options) -> SurfaceOptions {
     SurfaceOptions { unknown, motion, ..usual }
 }
 
-/// The base of the robot that took a reading, when it is not exact.
+/// The base of the robot of a reading, if it is uncertain.
 pub(crate) fn base(options: &Options, robot: Option<&str>) -> Option<Base> {
     let robots = options.robots.as_deref()?;
     let place = robots.iter().position(|known| Some(known.robot.as_str()) == robot)?;
@@ -355,7 +355,7 @@ fn bins(n: [u32; 3]) -> Result<[u32; 3], Invalid> {
     Ok(n)
 }
 
-/// The prior over all objects of the model; empty when the request names none.
+/// The prior over all objects of the model; empty when the request has none.
 fn prior(entries: &[wire::PriorEntry], model: &Model) -> Result<Vec<(Uuid, f64)>, Invalid> {
     if entries.is_empty() {
         return Ok(Vec::new());
@@ -392,7 +392,7 @@ fn prior(entries: &[wire::PriorEntry], model: &Model) -> Result<Vec<(Uuid, f64)>
     Ok(all.map(|(probability, object)| (object.id, probability.unwrap_or(share))).collect())
 }
 
-/// The sessions that `?sessions=` names.
+/// The sessions in `?sessions=`.
 pub(crate) fn session_ids(query: &wire::EventsQuery) -> Result<Vec<Uuid>, Invalid> {
     let mut ids: Vec<Uuid> = Vec::new();
     for part in query.sessions.split(',').filter(|part| !part.is_empty()) {

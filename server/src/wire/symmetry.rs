@@ -1,11 +1,11 @@
-//! Symmetries for the wire.
+//! Conversion of symmetries.
 
 use palpate_core::pose::Pose;
 use palpate_core::symmetry::{AxisOrder, Symmetry, SymmetryAxis};
 use palpate_schemas as wire;
 
-/// The axes of an object's symmetry in the frame where the object has a pose; in its own
-/// frame that is the identity.
+/// The axes of an object's symmetry in the frame of a pose of the object; the identity gives
+/// the object's own frame.
 pub(crate) fn axes(symmetry: &Symmetry, frame_from_object: &Pose) -> Vec<wire::SymmetryAxis> {
     let axis = |axis: &SymmetryAxis| wire::SymmetryAxis {
         point: (*frame_from_object * axis.point).to_array(),

@@ -1,4 +1,4 @@
-//! Catalogues, trainings and jobs for the wire.
+//! Conversion of catalogues, trainings and jobs.
 
 use palpate_core::object::MapPatch;
 use palpate_core::units::Shown;
@@ -16,24 +16,24 @@ use thiserror::Error;
 
 use crate::wire::{INTEGER_MAX, Invalid, count, descriptor, time};
 
-/// How many switches of the current version an answer lists.
+/// Maximum number of switches of the current version in an answer.
 const HISTORY_MAX: usize = 100;
-/// Steps of a range of distances.
+/// Number of steps of a range of distances.
 const DISTANCE_STEPS: u16 = 40;
-/// The largest distance between two touches, in metres.
+/// Largest distance between two touches, in metres.
 const DISTANCE_MAX: f64 = 10.0;
 
-/// What a version's manifest says beside its objects and blocks.
+/// Content of a version's manifest beside its objects and blocks.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub(crate) struct VersionParameters {
     pub(crate) training: StartTraining,
     pub(crate) report: wire::TrainingReport,
-    /// The versions whose maps were merged, when it was not trained.
+    /// The versions whose maps were merged, unless it was trained.
     #[serde(default)]
     pub(crate) merged_from: Vec<wire::VersionReference>,
 }
 
-/// A catalogue for the wire.
+/// A catalogue in its wire form.
 pub(crate) fn catalogue(catalogue: &Catalogue) -> wire::Catalogue {
     let mut history = history(catalogue);
     history.truncate(HISTORY_MAX);
@@ -65,7 +65,7 @@ pub(crate) struct Unreadable {
     source: serde_json::Error,
 }
 
-/// A version for the wire.
+/// A version in its wire form.
 pub(crate) fn version(
     catalogue: &Catalogue,
     manifest: &Manifest,
@@ -84,7 +84,7 @@ pub(crate) fn version(
     })
 }
 
-/// What a version's manifest says beside its objects and blocks.
+/// The content of a version's manifest beside its objects and blocks.
 pub(crate) fn parameters(
     catalogue: &Catalogue,
     manifest: &Manifest,
@@ -96,7 +96,7 @@ pub(crate) fn parameters(
     })
 }
 
-/// An object's map for the wire, with up to `limit` patches from the one numbered `from` on.
+/// An object's map in its wire form, with up to `limit` patches from number `from` on.
 pub(crate) fn object_map(
     object: &VersionObject,
     map: &ObjectMap,
@@ -133,7 +133,7 @@ fn patch((patch, class): (&MapPatch, Option<ClassIdx>)) -> wire::MapPatch {
     }
 }
 
-/// A stored job for the wire.
+/// A stored job in its wire form.
 pub(crate) fn job(job: &stored::Job) -> wire::Job {
     let state = state(job.state);
     wire::Job {
@@ -153,7 +153,7 @@ pub(crate) fn job(job: &stored::Job) -> wire::Job {
     }
 }
 
-/// A stage's name, as it is stored.
+/// The stored name of a stage.
 pub(crate) fn stage_name(stage: JobStage) -> &'static str {
     match stage {
         JobStage::Sampling => "sampling",
@@ -180,7 +180,7 @@ fn stage(name: &str) -> Option<JobStage> {
     .find(|stage| stage_name(*stage) == name)
 }
 
-/// A stored job's state for the wire.
+/// A stored job's state in its wire form.
 pub(crate) fn state(state: stored::JobState) -> JobState {
     match state {
         stored::JobState::Queued => JobState::Queued,
@@ -191,8 +191,8 @@ pub(crate) fn state(state: stored::JobState) -> JobState {
     }
 }
 
-/// A training with every default filled in, its numbers checked. Objects and sensor are
-/// still what the request names.
+/// A training with every default filled in, its numbers checked. Objects and sensor are still
+/// named as in the request.
 pub(crate) fn training(request: &StartTraining) -> Result<StartTraining, Invalid> {
     let n_readings = u64::from(request.readings_per_object.unwrap_or(1000));
     super::within("/readings_per_object", n_readings, 20, 20_000)?;
@@ -226,12 +226,12 @@ pub(crate) fn training(request: &StartTraining) -> Result<StartTraining, Invalid
     })
 }
 
-/// Whether surfaces are to be learnt: like pair maps they need poses.
+/// Whether surfaces are to be trained; like pair maps they need poses.
 fn surface(request: &StartTraining) -> bool {
     request.surface.or(request.sva).unwrap_or(true)
 }
 
-/// Whether pair maps are to be learnt; without them there must be something else.
+/// Whether pair maps are to be trained; without them another part is required.
 fn sva(request: &StartTraining) -> Result<bool, Invalid> {
     let wanted = request.sva.unwrap_or(true);
     if !wanted && request.appearance.is_none() && !surface(request) {
@@ -245,8 +245,8 @@ fn sva(request: &StartTraining) -> Result<bool, Invalid> {
     Ok(wanted)
 }
 
-/// A training that extends a version: what it says of objects and readings, and how the
-/// version was trained. Settings of the request's own are a mistake.
+/// A training that extends a version: objects and readings of the request, settings of the
+/// version. Settings in the request are refused.
 pub(crate) fn extension(
     request: &StartTraining,
     version: u32,
@@ -277,7 +277,7 @@ pub(crate) fn extension(
         descriptor: base.descriptor,
         distance_range: base.distance_range,
         appearance: base.appearance.clone(),
-        // Versions of before there were surfaces do not say that they have none.
+        // Versions older than surfaces do not state that they have none.
         surface: Some(base.surface.unwrap_or(false)),
         sva: base.sva,
         ..request.clone()
@@ -285,7 +285,7 @@ pub(crate) fn extension(
     Ok(StartTraining { extend: Some(version), ..training(&settings)? })
 }
 
-/// Core's configuration of a training that was checked.
+/// Core's configuration of a checked training.
 pub(crate) fn config(training: &StartTraining) -> Result<TrainingConfig, Invalid> {
     let default = TrainingConfig::default();
     Ok(TrainingConfig {

@@ -1,5 +1,5 @@
-//! Appearance over HTTP: trainings and their reports, sessions without poses, versions that
-//! are added to, features of the clients' own.
+//! Tests of appearance: trainings and reports, sessions without poses, added versions,
+//! clients' features.
 
 use palpate_core::pose::Pose;
 use palpate_core::rng::{Purpose, Stream};
@@ -7,11 +7,11 @@ use serde_json::{Value, json};
 
 use crate::harness::{CUBE, Harness, off_box, quiet_reading, touches};
 
-/// A rod: touches of it look unlike those of a cube. Edges in millimetres.
+/// A rod, whose touches differ from those of a cube. Edges in millimetres.
 const ROD: [f64; 3] = [100.0, 8.0, 8.0];
 const TRAININGS: &str = "/v1/catalogues/default/trainings";
 
-/// Readings that nobody knows the place of.
+/// Readings without poses.
 fn unposed(mut readings: Vec<Value>) -> Vec<Value> {
     for reading in &mut readings {
         reading.as_object_mut().unwrap().remove("pose");
@@ -30,7 +30,7 @@ async fn train(it: &Harness, training: Value) -> Value {
     it.finished(job["id"].as_str().unwrap()).await
 }
 
-/// A server that knows the appearance of a cube and a rod.
+/// A server with the appearance of a cube and a rod.
 async fn trained() -> Harness {
     let it = Harness::start().await;
     add_object(&it, "cube", CUBE).await;
@@ -57,11 +57,11 @@ fn names(belief: &Value) -> Vec<&str> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn objects_are_recognised_without_poses_also_after_a_restart() {
+async fn objects_are_recognised_without_poses_and_after_a_restart() {
     let it = trained().await;
     let mut before = Vec::new();
     for (name, size) in [("cube", CUBE), ("rod", ROD)] {
-        // Touches in a place that no one knows: the object moves as it likes.
+        // Touches at unknown positions: the object may move.
         let readings = unposed(touches(size, 30, 77, Pose::IDENTITY));
         let session = it.session(json!({"method": "appearance"})).await;
         let path = format!("/v1/sessions/{session}");
@@ -85,7 +85,7 @@ async fn objects_are_recognised_without_poses_also_after_a_restart() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn no_order_of_readings_matters_and_a_pose_says_nothing() {
+async fn order_of_readings_and_poses_do_not_matter() {
     let it = trained().await;
     let posed = touches(ROD, 12, 5, Pose::IDENTITY);
     let mut turned = unposed(posed.clone());
@@ -103,7 +103,7 @@ async fn no_order_of_readings_matters_and_a_pose_says_nothing() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn methods_that_need_a_pose_say_so_and_store_nothing() {
+async fn methods_that_need_poses_refuse_readings_without_them() {
     let it = trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}/readings");
@@ -112,13 +112,13 @@ async fn methods_that_need_a_pose_say_so_and_store_nothing() {
     let problem = refused.problem(422, "invalid-value", Some("/readings/1/pose"));
     assert!(problem["detail"].as_str().unwrap().contains("`surface`"), "{problem}");
     assert_eq!(it.get(&format!("/v1/sessions/{session}")).await.expect(200)["n_readings"], 0);
-    // The place of a sensor that is not known is not made up.
+    // The unknown pose of a sensor is not invented.
     let check = it.post("/v1/sensors/digitacts-6x6/check", &readings[1]).await.expect(200);
     assert_eq!(check["sensor_z_in_session"], Value::Null);
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_report_says_who_is_taken_for_whom() {
+async fn the_report_has_confusion_and_affinity() {
     let it = trained().await;
     let report = report(&it, 1).await;
     assert_eq!((&report["source"], &report["descriptor"]), (&json!("images"), &json!("mnti")));
@@ -127,7 +127,7 @@ async fn the_report_says_who_is_taken_for_whom() {
     let tried: Vec<&Value> = candidates.iter().map(|candidate| &candidate["n_classes"]).collect();
     assert_eq!(tried, [4, 6]);
     for (row, object) in report["objects"].as_array().unwrap().iter().enumerate() {
-        // A fifth of the 150 touches is held back, as far as they touched at all.
+        // A fifth of the 150 touches is held out, if they touched at all.
         assert_eq!(object["n_held_back"].as_u64().unwrap(), 30, "{object}");
         assert_eq!(object["n_readings"].as_u64().unwrap(), 120, "{object}");
         let confusion = report["confusion"][row].as_array().unwrap();
@@ -145,7 +145,7 @@ async fn the_report_says_who_is_taken_for_whom() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_version_is_added_to_without_a_change_to_what_it_knows() {
+async fn adding_an_object_keeps_the_others_unchanged() {
     let it = trained().await;
     let before = report(&it, 1).await;
     let map = |version: u32| format!("/v1/catalogues/default/versions/{version}/objects/rod/map");
@@ -156,7 +156,7 @@ async fn a_version_is_added_to_without_a_change_to_what_it_knows() {
     let nothing = it.post(TRAININGS, &json!({"extend": 1})).await;
     nothing.problem(422, "invalid-value", Some("/objects"));
 
-    // A block that hands can hardly tell from the cube.
+    // A block that touch hardly distinguishes from the cube.
     add_object(&it, "block", [40.5, 40.0, 40.0]).await;
     let job = train(&it, json!({"extend": 1, "readings_per_object": 150})).await;
     assert_eq!((&job["state"], &job["version"]), (&json!("succeeded"), &json!(2)), "{job}");
@@ -175,7 +175,7 @@ async fn a_version_is_added_to_without_a_change_to_what_it_knows() {
     assert_eq!(version["report"]["appearance"]["warnings"][0], warning);
     assert_eq!(version["report"]["objects"].as_array().unwrap().len(), 3);
 
-    // Both methods know the new object; what is new does not touch sessions of version 1.
+    // Both methods know the new object; it does not affect sessions of version 1.
     let session = it.session(json!({"method": "appearance"})).await;
     let readings = unposed(touches(ROD, 30, 77, Pose::IDENTITY));
     let path = format!("/v1/sessions/{session}/readings");
@@ -214,7 +214,7 @@ async fn readings_without_poses_train_appearance_alone() {
     assert_eq!(names(&added["belief"])[0], "cube", "{added}");
 }
 
-/// A code of four values that a client has learnt: near 1 along the object's own axis.
+/// A client's learnt feature of four values, near 1 along the object's own axis.
 fn coded(object: usize, n: usize, seed: u64) -> Vec<Value> {
     let mut stream = Stream::new(seed, Purpose::Shape, object as u64);
     let mut reading = quiet_reading();
@@ -229,9 +229,9 @@ fn coded(object: usize, n: usize, seed: u64) -> Vec<Value> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn clients_train_and_recognise_by_features_of_their_own() {
+async fn clients_train_and_recognise_by_their_own_features() {
     let it = Harness::start().await;
-    // Nothing is touched as far as the images say: the client's codes alone count.
+    // The images show no contact: the clients' features alone count.
     for (object, name) in ["cup", "bowl", "jug"].iter().enumerate() {
         it.post("/v1/objects", &json!({"name": name})).await.expect(201);
         let readings = coded(object, 120, 1);
@@ -271,7 +271,7 @@ async fn clients_train_and_recognise_by_features_of_their_own() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn features_are_refused_where_nobody_learnt_them() {
+async fn features_are_refused_without_a_model_of_them() {
     let it = trained().await;
     for (method, word) in [("appearance", "trained on images"), ("sva", "`sva`")] {
         let session = it.session(json!({"method": method})).await;
@@ -289,7 +289,7 @@ async fn features_are_refused_where_nobody_learnt_them() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_cannot_be_trained_or_asked_is_refused_by_name() {
+async fn invalid_trainings_and_sessions_are_refused_by_name() {
     let it = Harness::trained().await;
     let session = it.post("/v1/sessions", &json!({"method": "appearance"})).await;
     session.problem(409, "wrong-state", None);

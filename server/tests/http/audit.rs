@@ -1,4 +1,4 @@
-//! The audit log: what was changed by whom, what was refused, and how it is asked.
+//! Tests of the audit log: entries of changes and refusals, and queries.
 
 use std::num::NonZeroU32;
 
@@ -29,7 +29,7 @@ fn brief(entries: &[Value]) -> Vec<(&str, &str, u64)> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn changes_are_written_down_with_who_made_them_and_what_came_of_it() {
+async fn changes_are_logged_with_key_and_outcome() {
     let mut it = Harness::guarded().await;
     let admin = it.key.clone();
     let trainer = it.new_key("teacher", "trainer").await;
@@ -73,7 +73,7 @@ async fn changes_are_written_down_with_who_made_them_and_what_came_of_it() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn pages_of_the_log_lead_from_the_newest_to_the_oldest() {
+async fn pages_of_the_log_go_from_newest_to_oldest() {
     let it = Harness::start_with(|config| config.audit_entries_max.changes = 5).await;
     for number in 0..7 {
         it.post("/v1/objects", &json!({"name": format!("object-{number}")})).await.expect(201);
@@ -91,7 +91,7 @@ async fn pages_of_the_log_lead_from_the_newest_to_the_oldest() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn readings_are_not_in_the_log_and_sessions_are() {
+async fn sessions_are_logged_and_readings_are_not() {
     let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let readings = json!({"readings": [quiet_reading()]});
@@ -110,7 +110,7 @@ async fn readings_are_not_in_the_log_and_sessions_are() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_flood_of_strangers_is_one_entry_and_hides_no_named_key() {
+async fn a_flood_without_keys_is_one_entry_and_hides_no_key() {
     let mut it = Harness::guarded().await;
     it.post("/v1/objects", &json!({"name": "mug"})).await.expect(201);
     let robot = it.new_key("arm", "robot").await;
@@ -135,13 +135,13 @@ async fn a_flood_of_strangers_is_one_entry_and_hides_no_named_key() {
     assert_eq!(entries(&it, "?ring=refused").await, found[..1]);
     assert_eq!(entries(&it, "?ring=changes").await, found[2..]);
 
-    // What was counted outlives a restart.
+    // Counts survive a restart.
     it = it.restart().await;
     assert_eq!(entries(&it, "").await, found);
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn failed_changes_of_a_robot_wash_nothing_out_and_are_slowed() {
+async fn failed_changes_displace_no_entries_and_are_slowed() {
     let it = Harness::start_with(|config| {
         config.access = Access::Keys;
         config.audit_entries_max = RingSizes { changes: 3, refused: 5, strangers: 5 };
@@ -163,7 +163,7 @@ async fn failed_changes_of_a_robot_wash_nothing_out_and_are_slowed() {
     slowed.problem(429, "too-many-requests", None);
     assert!(slowed.headers.contains_key("retry-after"));
     assert!(slowed.headers["ratelimit"].to_str().unwrap().starts_with("\"failed-changes\";r=0"));
-    // What only reads is not slowed, nor is another key.
+    // Reads are not slowed, nor is another key.
     it.send_as(Some(&robot), Method::GET, "/v1/sessions").await.expect(200);
     it.send(Method::DELETE, "/v1/objects/mug", None).await.expect(204);
     let found = entries(&it, "").await;
@@ -179,7 +179,7 @@ async fn failed_changes_of_a_robot_wash_nothing_out_and_are_slowed() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn sessions_that_are_kept_open_are_in_the_log_counted() {
+async fn leases_are_logged_as_one_counted_entry() {
     let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     for _ in 0..3 {
@@ -193,7 +193,7 @@ async fn sessions_that_are_kept_open_are_in_the_log_counted() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn readiness_tells_figures_to_holders_of_keys_only() {
+async fn readiness_shows_figures_to_holders_of_keys_only() {
     let it = Harness::guarded().await;
     let figures = |readiness: &Value| {
         let checks = readiness["checks"].as_array().unwrap();
@@ -208,7 +208,7 @@ async fn readiness_tells_figures_to_holders_of_keys_only() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_question_that_is_wrong_is_refused_by_name() {
+async fn invalid_queries_are_refused_by_field() {
     let it = Harness::start().await;
     for (query, pointer) in [
         ("since=yesterday", "?since"),

@@ -1,4 +1,4 @@
-//! Bad input: each a clear problem that names the field, nothing stored, the server goes on.
+//! Tests of bad input: a problem names the field, nothing is stored, the server continues.
 
 use reqwest::Method;
 use serde_json::{Value, json};
@@ -14,7 +14,7 @@ const OUT_OF_RANGE: &str = "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n";
 const LYING_COUNT: &str = "OFF\n4000000000 1 0\n0 0 0\n";
 
 #[tokio::test(flavor = "multi_thread")]
-async fn meshes_that_are_none_are_refused() {
+async fn invalid_meshes_are_refused() {
     let it = Harness::start().await;
     it.post("/v1/objects", &json!({"name": "mug"})).await.expect(201);
     for mesh in ["", "OFF", HUGE, FLAT, NOT_FINITE, INFINITE, NO_FACES, OUT_OF_RANGE, LYING_COUNT] {
@@ -37,7 +37,7 @@ async fn meshes_that_are_none_are_refused() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn bodies_that_are_too_large_or_broken_are_refused() {
+async fn too_large_and_malformed_bodies_are_refused() {
     let it = Harness::start_with(|config| {
         config.json_bytes_max = 10_000;
         config.mesh_bytes_max = 20_000;
@@ -73,7 +73,7 @@ async fn bodies_that_are_too_large_or_broken_are_refused() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_array_is_not_taken_for_the_fields_of_an_object_in_order() {
+async fn an_array_is_not_accepted_for_an_object() {
     let it = Harness::start().await;
     for path in ["/v1/objects", "/v1/sessions", "/v1/catalogues/default/trainings"] {
         for body in [json!(["mug"]), json!([null, null])] {
@@ -83,7 +83,7 @@ async fn an_array_is_not_taken_for_the_fields_of_an_object_in_order() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn readings_that_cannot_be_are_refused() {
+async fn invalid_readings_are_refused() {
     let it = Harness::trained().await;
     let session = it.session(json!({"frame_id": "base_link"})).await;
     let path = format!("/v1/sessions/{session}/readings");
@@ -141,7 +141,7 @@ async fn readings_that_cannot_be_are_refused() {
     let mut reading = quiet_reading();
     reading["sensor"] = json!("wide");
     reading["image"] = json!(vec![0.0; 196]);
-    // Method `surface` takes any sensor; the dissertation's does not.
+    // Method `surface` accepts any sensor; the dissertation's does not.
     let printed = it.session(json!({"method": "sva"})).await;
     let path = format!("/v1/sessions/{printed}/readings");
     let other_shape = it.post(&path, &json!({"readings": [reading]})).await;
@@ -151,7 +151,7 @@ async fn readings_that_cannot_be_are_refused() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn trainings_and_sessions_without_a_basis_are_refused() {
+async fn trainings_and_sessions_without_data_are_refused() {
     let it = Harness::start().await;
     let path = "/v1/catalogues/default/trainings";
     let post = async |body: Value| it.post(path, &body).await;
@@ -188,7 +188,7 @@ async fn trainings_and_sessions_without_a_basis_are_refused() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn sessions_that_make_no_sense_are_refused() {
+async fn invalid_sessions_are_refused() {
     let it = Harness::trained().await;
     let check = async |body: Value, pointer: &str| {
         it.post("/v1/sessions", &body).await.problem(422, "invalid-value", Some(pointer));

@@ -1,4 +1,4 @@
-//! What probabilities rest on: reports and beliefs say whether they are calibrated.
+//! Tests of calibration: reports and beliefs state whether probabilities are calibrated.
 
 use serde_json::{Value, json};
 
@@ -6,7 +6,7 @@ use crate::harness::{Harness, off_box};
 
 const ROD: [f64; 3] = [100.0, 12.0, 12.0];
 
-/// Trains as asked; gives the report.
+/// Trains as requested; the report.
 async fn report(it: &Harness, training: Value) -> Value {
     let path = "/v1/catalogues/default/trainings";
     let job = it.post(path, &training).await.expect(202);
@@ -16,14 +16,14 @@ async fn report(it: &Harness, training: Value) -> Value {
     it.get(&format!("/v1/catalogues/default/versions/{version}/report")).await.expect(200)
 }
 
-/// Checks what a report says: whether, on how many objects, and why not.
+/// Checks a report: whether it is calibrated, on how many objects, and the reason if not.
 #[track_caller]
 fn check(report: &Value, expected: (bool, u32, Value)) {
     let found = (&report["calibrated"], &report["calibrated_on"], &report["uncalibrated_reason"]);
     assert_eq!(found, (&json!(expected.0), &json!(expected.1), &expected.2));
 }
 
-/// What a new session's belief says: whether, and why not.
+/// The belief of a new session: whether it is calibrated, and the reason if not.
 async fn believed(it: &Harness, session: Value) -> (Value, Value) {
     let id = it.session(session).await;
     let belief = it.get(&format!("/v1/sessions/{id}/belief")).await.expect(200);
@@ -31,7 +31,7 @@ async fn believed(it: &Harness, session: Value) -> (Value, Value) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn report_and_belief_say_whether_probabilities_are_calibrated_and_why_not() {
+async fn report_and_belief_state_whether_they_are_calibrated() {
     let it = Harness::trained().await;
     let path = "/v1/catalogues/default/versions/1/report";
     let first = it.get(path).await.expect(200);
@@ -45,7 +45,7 @@ async fn report_and_belief_say_whether_probabilities_are_calibrated_and_why_not(
         "surface": true, "activate": false});
     check(&report(&it, alone).await, (false, 0, json!("one_object")));
 
-    // What the first version could not hold back is touched anew for the third.
+    // The object without held-out touches is trained again for the third version.
     it.post("/v1/objects", &json!({"name": "rod"})).await.expect(201);
     it.put_mesh("rod", &off_box(ROD)).await.expect(200);
     let more = json!({"extend": 1, "objects": ["rod"], "readings_per_object": 60});

@@ -1,4 +1,5 @@
-//! Calibrations: fitted from indentations, applied to what comes later, kept for ever.
+//! Tests of sensor calibrations: fitted from indentations, applied to later readings, kept
+//! for ever.
 
 use glam::DVec3;
 use palpate_core::pose::Pose;
@@ -37,7 +38,7 @@ fn touch() -> Value {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_calibration_answers_its_fit_and_check_shows_what_it_does() {
+async fn a_calibration_returns_its_fit_and_check_shows_its_effect() {
     let it = Harness::start().await;
     finger(&it).await;
     let path = "/v1/sensors/finger/calibration";
@@ -85,7 +86,7 @@ async fn a_calibration_answers_its_fit_and_check_shows_what_it_does() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_calibration_applies_to_later_readings_only_also_after_a_restart() {
+async fn a_calibration_applies_to_later_readings_only() {
     let it = Harness::trained().await;
     finger(&it).await;
     it.post("/v1/objects", &json!({"name": "mug"})).await.expect(201);
@@ -94,7 +95,7 @@ async fn a_calibration_applies_to_later_readings_only_also_after_a_restart() {
         (reading["robot"], reading["seq"]) = (json!("arm"), json!(seq));
         json!({"readings": [reading]})
     };
-    // One touch says nothing of the identity: a second one, of another sensor, goes with it.
+    // One touch gives no identity: a second one, of another sensor, is added.
     let pair = || {
         let mut readings = one(1);
         let mut second = touches(BAR, 2, 5, Pose::from_parts(glam::DQuat::IDENTITY, DVec3::ZERO));
@@ -112,7 +113,7 @@ async fn a_calibration_applies_to_later_readings_only_also_after_a_restart() {
     let corrected = it.post(&readings(&after), &pair()).await.expect(200)["belief"].clone();
     it.post("/v1/objects/mug/readings", &one(2)).await.expect(200);
     assert_ne!(plain["objects"], corrected["objects"], "the same reading, corrected");
-    // The same reading again is a repetition, not a conflict, although it would be corrected.
+    // The repeated reading is a repetition, not a conflict, although it would be corrected now.
     let again = it.post(&readings(&before), &pair()).await.expect(200);
     assert_eq!((&again["n_repeated"], &again["n_readings"]), (&json!(2), &json!(2)));
 
@@ -133,7 +134,7 @@ async fn a_calibration_applies_to_later_readings_only_also_after_a_restart() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn indentations_that_cannot_be_are_refused() {
+async fn invalid_indentations_are_refused() {
     let it = Harness::start().await;
     finger(&it).await;
     let path = "/v1/sensors/finger/calibration";
@@ -163,7 +164,7 @@ async fn indentations_that_cannot_be_are_refused() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn coverings_are_compared_and_the_sharpest_that_does_not_alias_is_recommended() {
+async fn the_sharpest_covering_without_aliasing_is_recommended() {
     let it = Harness::start().await;
     let path = "/v1/analyses/covering";
     let body = json!({"element_width": 0.002, "spreads": [0.0006, 0.0034, 0.0028],
@@ -198,7 +199,7 @@ async fn coverings_are_compared_and_the_sharpest_that_does_not_alias_is_recommen
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_a_data_sheet_does_not_say_is_filled_in() {
+async fn missing_sensor_properties_get_defaults() {
     let it = Harness::start().await;
     let known = it.get("/v1/sensors/digitacts-6x6").await.expect(200)["description"].clone();
     let mut sheet = known.clone();
@@ -208,14 +209,14 @@ async fn what_a_data_sheet_does_not_say_is_filled_in() {
     let post = async |name: &str, description: &Value| {
         it.post("/v1/sensors", &json!({"name": name, "description": description})).await
     };
-    // The presets are made of the defaults.
+    // The presets use the defaults.
     assert_eq!(post("sheet", &sheet).await.expect(201)["description"], known);
     sheet["quantisation"] = json!(500.0);
     let coarse = post("coarse", &sheet).await.expect(201);
     assert_eq!(coarse["description"]["noise"], 500.0, "a step is more than half a percent");
     sheet["noise"] = json!(30.0);
     assert_eq!(post("stated", &sheet).await.expect(201)["description"]["noise"], 30.0);
-    // What was given and is wrong is named, not what was filled in from it.
+    // The given invalid field is named, not one derived from it.
     for (field, value) in [("covering_thickness", 0.0), ("saturation", -1.0)] {
         let mut wrong = sheet.clone();
         wrong[field] = json!(value);

@@ -1,4 +1,4 @@
-//! Checkpoints of beliefs: a restart goes on from them, and nothing depends on them.
+//! Tests of checkpoints of beliefs: a restart resumes from them, and no result depends on them.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use crate::harness::{BAR, CUBE, Harness, touches};
 
-/// Readings of a robot, told apart from others by their numbers.
+/// Readings of a robot with increasing numbers.
 fn numbered(box_size: [f64; 3], n: usize, first: usize) -> Vec<Value> {
     let name = |(index, mut reading): (usize, Value)| {
         reading["robot"] = json!("arm");
@@ -39,7 +39,7 @@ fn file(folder: &Path, session: &str) -> PathBuf {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_restart_goes_on_from_checkpoints_and_believes_the_same() {
+async fn a_restart_resumes_from_checkpoints_with_equal_beliefs() {
     let it = Harness::trained().await;
     let (bar, cube) = (it.session(json!({})).await, it.session(json!({})).await);
     let (first, rest) = (numbered(BAR, 17, 0), numbered(BAR, 20, 100));
@@ -55,7 +55,7 @@ async fn a_restart_goes_on_from_checkpoints_and_believes_the_same() {
     assert_eq!([belief(&it, &bar).await, belief(&it, &cube).await], before);
     assert!(n_resumed(&it).await >= n_before + 2);
 
-    // What follows is what it would have been without a restart, late readings included.
+    // Later beliefs equal those without a restart, late readings included.
     let went_on = post(&it, &bar, &rest).await;
     let mut late = numbered(BAR, 1, 500);
     late[0]["stamp"] = json!({"sec": 5, "nanosec": 0});
@@ -69,7 +69,7 @@ async fn a_restart_goes_on_from_checkpoints_and_believes_the_same() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_damaged_checkpoint_is_as_good_as_none_and_none_outlives_its_session() {
+async fn damaged_checkpoints_are_ignored_and_end_with_the_session() {
     let it = Harness::trained().await;
     let sessions = [it.session(json!({})).await, it.session(json!({})).await];
     for session in &sessions {

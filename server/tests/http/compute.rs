@@ -1,4 +1,4 @@
-//! Computations: they end when nobody waits for them, and give their threads back.
+//! Tests of computations: they end when their caller has gone, and free their threads.
 
 use std::time::{Duration, Instant};
 
@@ -11,7 +11,7 @@ use crate::harness::{Harness, read};
 /// Long enough for any step of a test on a busy machine.
 const LONG: Duration = Duration::from_secs(60);
 
-/// How many places of the compute pool are free.
+/// Number of free slots of the compute pool.
 async fn places_free(it: &Harness) -> usize {
     let metrics = it.get("/metrics").await.text;
     let line = metrics.lines().find(|line| line.starts_with("palpate_compute_places_free"));
@@ -33,7 +33,7 @@ async fn heavy(it: &Harness) -> (String, Value) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn computations_end_when_their_caller_has_gone() {
+async fn computations_end_when_the_caller_has_gone() {
     let it = Harness::start().await;
     let (session, body) = heavy(&it).await;
     let all = places_free(&it).await;
@@ -51,7 +51,7 @@ async fn computations_end_when_their_caller_has_gone() {
     }
     assert!(begun.elapsed() < Duration::from_secs(3), "{:?}", begun.elapsed());
 
-    // The readings are stored, and what was folded is kept: who asks again gets on.
+    // The readings are stored and the folded part is kept: a repeated request makes progress.
     let belief = async {
         loop {
             let asked = it.client.get(it.url(&format!("{path}/belief")));
@@ -65,7 +65,7 @@ async fn computations_end_when_their_caller_has_gone() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn listings_are_read_by_threads_that_compute() {
+async fn listings_run_on_the_compute_threads() {
     let it = Harness::start_with(|config| {
         config.compute_threads = 1;
         config.compute_queue_max = 0;

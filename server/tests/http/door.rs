@@ -1,4 +1,4 @@
-//! What callers can occupy: connections, bodies that only begin, answers that nobody reads.
+//! Tests of occupied resources: connections, incomplete bodies, unread answers.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -23,7 +23,7 @@ async fn connect(address: SocketAddr, said: &str) -> TcpStream {
     stream
 }
 
-/// What a connection says until it is closed.
+/// All bytes of a connection until it is closed.
 async fn rest(mut stream: TcpStream) -> String {
     let mut said = Vec::new();
     // A reset is an end as well.
@@ -33,13 +33,13 @@ async fn rest(mut stream: TcpStream) -> String {
     said
 }
 
-/// A client without connections of its own yet.
+/// A client with new connections.
 fn stranger() -> Client {
     Client::builder().timeout(LONG).build().unwrap()
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn headers_that_do_not_end_give_their_connections_back() {
+async fn unfinished_headers_release_their_connections() {
     let it = Harness::start_with(|config| {
         config.connections_max = 16;
         config.patience.headers = Duration::from_millis(1500);
@@ -56,7 +56,7 @@ async fn headers_that_do_not_end_give_their_connections_back() {
     assert_eq!(refused.status(), 503);
     let policy = refused.headers()["ratelimit-policy"].to_str().unwrap().to_owned();
     assert!(policy.starts_with("\"connections\""), "{policy}");
-    // Bytes that drip in do not put the deadline off.
+    // Slowly arriving bytes do not extend the deadline.
     let mut dripping = open.swap_remove(0);
     let dripped = async {
         while dripping.write_all(b"x").await.is_ok() {
@@ -71,7 +71,7 @@ async fn headers_that_do_not_end_give_their_connections_back() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn idle_connections_are_closed_and_used_ones_are_kept() {
+async fn idle_connections_are_closed_and_used_ones_kept() {
     let it = Harness::start_with(|config| {
         config.patience.headers = Duration::from_millis(800);
         config.patience.idle = Duration::from_millis(2500);
@@ -79,7 +79,7 @@ async fn idle_connections_are_closed_and_used_ones_are_kept() {
     .await;
     let request = "GET /livez HTTP/1.1\r\nHost: localhost\r\n\r\n";
     let mut stream = connect(it.server.local_addr(), request).await;
-    // Longer than headers may take, shorter than idling may.
+    // Longer than the limit of headers, shorter than that of idle connections.
     tokio::time::sleep(Duration::from_millis(1300)).await;
     stream.write_all(request.as_bytes()).await.unwrap();
     let said = rest(stream).await;
@@ -96,7 +96,7 @@ async fn headers_longer_than_the_buffer_are_refused() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_answer_that_comes_before_the_body_has_ended_reaches_a_client_that_goes_on_sending() {
+async fn an_early_answer_reaches_a_client_that_still_sends() {
     let it = Harness::start_with(|config| config.bodies_bytes_max = 8 << 10).await;
     let address = it.server.local_addr();
     for chunk in [1 << 10, 64 << 10] {
@@ -110,7 +110,7 @@ async fn an_answer_that_comes_before_the_body_has_ended_reaches_a_client_that_go
             tokio::time::sleep(Duration::from_millis(2)).await;
         }
         let answer = rest(stream).await;
-        // A client's share or the whole room: it depends on how much came at once.
+        // A client's share or the whole space: it depends on the bytes received at once.
         let is_refused = ["HTTP/1.1 429 ", "HTTP/1.1 503 "].iter().any(|s| answer.starts_with(s));
         assert!(is_refused, "{answer:?}");
         assert!(answer.to_ascii_lowercase().contains("connection: close\r\n"), "{answer}");
@@ -119,7 +119,7 @@ async fn an_answer_that_comes_before_the_body_has_ended_reaches_a_client_that_go
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn promised_bodies_hold_no_slot_and_no_room() {
+async fn announced_bodies_hold_no_slot_and_no_memory() {
     let it = Harness::start_with(|config| {
         config.requests_max = 8;
         config.bodies_bytes_max = 1 << 20;
@@ -140,9 +140,9 @@ async fn promised_bodies_hold_no_slot_and_no_room() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn answers_that_nobody_reads_are_bounded_and_given_back() {
+async fn unread_answers_are_bounded_and_released() {
     let it = Harness::start_with(|config| {
-        // Room for three meshes that are read block by block.
+        // Space for three meshes that are read block by block.
         config.answers_bytes_max = 3 << 20;
         config.patience.answer = Duration::from_millis(1500);
     })
@@ -154,7 +154,7 @@ async fn answers_that_nobody_reads_are_bounded_and_given_back() {
     let request = "GET /v1/objects/cube/mesh HTTP/1.1\r\nHost: localhost\r\n\r\n";
     let mut unread = Vec::new();
     for _ in 0..6 {
-        // A small window, so that the system does not take the answer off the server's hands.
+        // A small window, so that the system does not buffer the answer.
         let socket = TcpSocket::new_v4().unwrap();
         socket.set_recv_buffer_size(4096).unwrap();
         let mut stream = socket.connect(it.server.local_addr()).await.unwrap();
@@ -189,7 +189,7 @@ async fn answers_that_nobody_reads_are_bounded_and_given_back() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn silent_connections_do_not_close_the_door_of_tls() {
+async fn silent_connections_do_not_block_tls() {
     let (files, data) = (TempDir::new().unwrap(), TempDir::new().unwrap());
     let key = KeyPair::generate().unwrap();
     let names = vec!["127.0.0.1".to_owned()];
@@ -204,7 +204,7 @@ async fn silent_connections_do_not_close_the_door_of_tls() {
         look_every: LONG,
     });
     config.access = Access::Keys;
-    // The silent ones outlive the test: nothing but room lets others in.
+    // The silent ones outlive the test: only free space lets others in.
     config.patience.handshake = Duration::from_secs(600);
     let server = Server::start(config).await.unwrap();
     let mut silent = Vec::new();
@@ -219,7 +219,7 @@ async fn silent_connections_do_not_close_the_door_of_tls() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_page_of_readings_ends_at_a_number_of_bytes() {
+async fn a_page_of_readings_is_limited_in_bytes() {
     let it = Harness::start().await;
     it.post("/v1/objects", &json!({"name": "cube"})).await.expect(201);
     let mut reading = quiet_reading();

@@ -1,4 +1,4 @@
-//! The fleet: which sessions are open, who touches in them, and since when not.
+//! Tests of the fleet: open sessions, their robots, and their last changes.
 
 use palpate_core::pose::Pose;
 use reqwest::Method;
@@ -16,7 +16,7 @@ fn ids(fleet: &Value) -> Vec<&str> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn open_sessions_are_listed_with_their_robots_the_newest_change_first() {
+async fn open_sessions_are_listed_by_newest_change_with_robots() {
     let it = Harness::start().await;
     assert_eq!((&fleet(&it).await["n_open"], ids(&fleet(&it).await)), (&json!(0), vec![]));
     it.train().await;
@@ -41,7 +41,7 @@ async fn open_sessions_are_listed_with_their_robots_the_newest_change_first() {
     let stored = it.get(&format!("{path}/readings")).await.expect(200);
     assert_eq!(one["last_reading_at"], stored["items"][2]["received_at"]);
 
-    // A withdrawal is a change, but no reading.
+    // A retraction is a change, but not a reading.
     it.send(Method::DELETE, &format!("{path}/readings/0"), None).await.expect(200);
     let withdrawn = fleet(&it).await;
     assert_eq!(withdrawn["sessions"][0]["last_reading_at"], one["last_reading_at"]);
@@ -54,7 +54,7 @@ async fn open_sessions_are_listed_with_their_robots_the_newest_change_first() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_fleet_is_bounded_and_says_how_many_there_are() {
+async fn the_fleet_is_bounded_and_states_the_total() {
     let it = Harness::trained().await;
     let sessions = [it.session(json!({})).await, it.session(json!({})).await];
     let path = format!("/v1/sessions/{}/readings", sessions[0]);
@@ -69,7 +69,7 @@ async fn the_fleet_is_bounded_and_says_how_many_there_are() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn robots_do_not_look_at_the_fleet() {
+async fn robots_may_not_read_the_fleet() {
     let it = Harness::guarded().await;
     for (role, status) in [("viewer", 200), ("trainer", 200), ("robot", 403)] {
         let key = it.new_key(role, role).await;

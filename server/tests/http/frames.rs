@@ -1,4 +1,4 @@
-//! Frames of one press count once: a ramp is the press that it ends in, in any order of arrival.
+//! Tests of frames: a ramp of frames is one press, in any order of arrival.
 
 use glam::{DQuat, DVec3};
 use palpate_core::pose::Pose;
@@ -27,7 +27,7 @@ fn pose(reading: &Value) -> Pose {
     Pose::new(position.try_into().unwrap(), orientation.try_into().unwrap()).unwrap()
 }
 
-/// What a driver of 30 frames a second sends while the sensor moves the last 2.5 mm to a touch.
+/// Readings of a driver at 30 frames a second during the last 2.5 mm before a touch.
 fn ramp(touch: &Value, second: usize) -> Vec<Value> {
     let mesh = Mesh::from_bytes(MeshFormat::Off, off_box(BAR).as_bytes(), 1e-3).unwrap();
     let simulator = PressSimulator::new(mesh, SensorDescription::digitacts_6x6());
@@ -62,14 +62,14 @@ async fn now(it: &Harness, session: &str) -> Value {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_ramp_of_frames_is_the_press_that_it_ends_in() {
+async fn a_ramp_of_frames_counts_as_its_last_press() {
     let it = Harness::trained().await;
     let mut presses: Vec<Vec<Value>> = touches(BAR, 3, 61, resting_pose())
         .iter()
         .enumerate()
         .map(|(n, touch)| ramp(touch, 10 * (n + 1)))
         .collect();
-    // The object may have moved before the second press: its first frame says so.
+    // The object may have moved before the second press, according to its first frame.
     let moved = json!({"position_m": 0.001, "angle_rad": 0.01});
     presses[1][0]["object_moved"] = moved.clone();
     let mut settled: Vec<Value> = presses.iter().map(|press| press[N_FRAMES - 1].clone()).collect();
@@ -97,7 +97,7 @@ async fn a_ramp_of_frames_is_the_press_that_it_ends_in() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_withdrawn_frame_leaves_its_press_to_the_others() {
+async fn the_other_frames_keep_a_press_after_a_retraction() {
     let it = Harness::trained().await;
     let touch = &touches(BAR, 1, 61, resting_pose())[0];
     let frames = ramp(touch, 10);
@@ -122,7 +122,7 @@ async fn a_withdrawn_frame_leaves_its_press_to_the_others() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn without_stamps_nothing_says_what_is_one_press() {
+async fn without_stamps_frames_are_separate_presses() {
     let it = Harness::trained().await;
     let mut frames = ramp(&touches(BAR, 1, 61, resting_pose())[0], 10);
     frames.iter_mut().for_each(|frame| frame["stamp"] = Value::Null);

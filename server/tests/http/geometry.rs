@@ -1,5 +1,4 @@
-//! Chapter 3 over HTTP: letters are recognised by maps of contact and force, their poses are
-//! found, maps are exported and merged, and what cannot be folded is refused unstored.
+//! Tests of chapter 3's methods: maps of contact and force, poses, export and merging of maps.
 
 use std::f64::consts::PI;
 
@@ -37,7 +36,7 @@ pub(crate) fn wire(reading: &Reading) -> Value {
     })
 }
 
-/// Adds letters with the presses of a rig's plan.
+/// Adds letters with the presses of the rig's plan.
 pub(crate) async fn add_letters(it: &Harness, letters: &[char]) {
     let rig = rig(1);
     for symbol in letters {
@@ -50,7 +49,7 @@ pub(crate) async fn add_letters(it: &Harness, letters: &[char]) {
     }
 }
 
-/// Trains what there is and expects success; gives the version.
+/// Trains all objects, which must succeed; the version.
 pub(crate) async fn train(it: &Harness, training: &Value) -> u64 {
     let job = it.post("/v1/catalogues/default/trainings", training).await.expect(202);
     let job = it.finished(job["id"].as_str().unwrap()).await;
@@ -58,7 +57,7 @@ pub(crate) async fn train(it: &Harness, training: &Value) -> u64 {
     job["version"].as_u64().unwrap()
 }
 
-/// Presses of a letter that lies at `session_from_letter`, by the sensor that was trained.
+/// Presses of a letter that lies at `session_from_letter`, by the trained sensor.
 pub(crate) fn presses(symbol: char, n: usize, seed: u64, session_from_letter: Pose) -> Vec<Value> {
     let rig = rig(1);
     let field = rig.field(&letter(symbol));
@@ -71,7 +70,7 @@ pub(crate) fn presses(symbol: char, n: usize, seed: u64, session_from_letter: Po
     (0..n).map(|_| press()).collect()
 }
 
-/// A plane that is neither level nor at the origin.
+/// A tilted plane away from the origin.
 fn session_from_plane() -> Pose {
     let rotation = DQuat::from_rotation_x(0.5) * DQuat::from_rotation_z(0.3);
     Pose::from_parts(rotation, DVec3::new(0.4, -0.1, 0.25))
@@ -90,7 +89,7 @@ fn pose(value: &Value) -> Pose {
     Pose::new(position.try_into().unwrap(), orientation.try_into().unwrap()).unwrap()
 }
 
-/// Where an object's frame is in the frame of its training readings.
+/// Pose of an object's frame in the frame of its training readings.
 async fn letter_from_object(it: &Harness, name: &str) -> Pose {
     let report = it.get("/v1/catalogues/default/versions/1/report").await.expect(200);
     let objects = report["objects"].as_array().unwrap();
@@ -117,7 +116,7 @@ fn sum(probabilities: &Value) -> f64 {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn letters_are_recognised_and_located_and_a_restart_loses_nothing() {
+async fn letters_are_recognised_and_located_after_a_restart() {
     let it = Harness::start().await;
     add_letters(&it, &LETTERS).await;
     train(&it, &json!({"n_classes": 8, "geometric": {"kind": "planar"}})).await;
@@ -158,7 +157,7 @@ async fn letters_are_recognised_and_located_and_a_restart_loses_nothing() {
     for axis in axes.iter().chain([&marginals["plane"]]) {
         assert!((sum(&axis["probabilities"]) - 1.0).abs() < 1e-9, "{axis}");
     }
-    // The likeliest bin of x holds the truth, give or take a bin.
+    // The likeliest bin of x contains the truth, or its neighbour does.
     let x: Vec<f64> = serde_json::from_value(axes[0]["probabilities"].clone()).unwrap();
     let [low, high] = ["low", "high"].map(|end| axes[0][end].as_f64().unwrap());
     let best = x.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)).unwrap().0;
@@ -207,7 +206,7 @@ async fn the_printed_filters_recognise_letters_too() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_solid_is_recognised_near_where_it_should_be() {
+async fn a_solid_is_recognised_near_its_nominal_pose() {
     let it = Harness::start().await;
     for (name, size) in [("cube", CUBE), ("bar", BAR)] {
         it.post("/v1/objects", &json!({"name": name})).await.expect(201);
@@ -246,7 +245,7 @@ async fn a_solid_is_recognised_near_where_it_should_be() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_a_geometric_session_cannot_use_is_refused() {
+async fn invalid_input_of_geometric_sessions_is_refused() {
     let it = Harness::start().await;
     add_letters(&it, &['I', 'O']).await;
     let flat = json!({"n_classes": 4, "geometric": {"kind": "planar"}});
@@ -296,14 +295,14 @@ async fn what_a_geometric_session_cannot_use_is_refused() {
     let refused = it.post(&format!("{path}/readings"), &json!({"readings": [good, tilted]})).await;
     refused.problem(422, "invalid-value", Some("/readings/1/pose"));
     assert_eq!(it.get(&path).await.expect(200)["n_readings"], 0);
-    // Any sensor will do, also one of another shape than was trained.
+    // Any sensor is accepted, even of another shape than in training.
     let mut other = json!({"sensor": "fingertip-14x14", "image": vec![0.0; 196]});
     other["pose"] = presses('I', 1, 4, Pose::IDENTITY)[0]["pose"].clone();
     it.post(&format!("{path}/readings"), &json!({"readings": [other]})).await.expect(200);
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_training_whose_map_would_be_too_large_fails_and_names_the_object() {
+async fn a_training_with_a_too_large_map_fails_by_object() {
     let it = Harness::start().await;
     add_letters(&it, &['I']).await;
     it.post("/v1/objects", &json!({"name": "huge"})).await.expect(201);
@@ -360,7 +359,7 @@ async fn maps_are_shown_exported_and_merged() {
     assert_eq!(ply.status, 200);
     assert!(ply.text.starts_with("ply\n"), "{:.40}", ply.text);
 
-    // The same readings once more: twice the evidence.
+    // The same readings again: twice the evidence.
     let request = json!({"version": 1, "with": {"catalogue": "default", "version": 1}});
     let merged = it.post("/v1/catalogues/default/merges", &request).await.expect(201);
     assert_eq!((&merged["version"], &merged["is_current"]), (&json!(2), &json!(true)));

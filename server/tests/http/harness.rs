@@ -1,4 +1,4 @@
-//! A server for one test, and the few calls that the tests make.
+//! The harness: a server for one test, and common requests.
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
@@ -16,16 +16,16 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 use tokio::sync::OnceCell;
 
-/// A running server and its folder.
+/// A running server and its data folder.
 pub(crate) struct Harness {
     pub(crate) server: Server,
     pub(crate) client: reqwest::Client,
-    /// The key that requests are sent with.
+    /// The key of the requests.
     pub(crate) key: Option<String>,
     folder: TempDir,
 }
 
-/// An answer, read to its end.
+/// A complete answer.
 #[derive(Debug)]
 pub(crate) struct Answer {
     pub(crate) status: StatusCode,
@@ -62,7 +62,7 @@ pub(crate) fn config(folder: &Path) -> Config {
 }
 
 fn client() -> reqwest::Client {
-    // Reqwest wants a provider even when no test speaks TLS.
+    // Reqwest needs a provider even when no test speaks TLS.
     let _ = rustls::crypto::ring::default_provider().install_default();
     reqwest::Client::builder().timeout(Duration::from_secs(30)).build().unwrap()
 }
@@ -84,7 +84,7 @@ impl Harness {
         Self { server, client: client(), key, folder }
     }
 
-    /// A server that asks for keys; requests have the first admin's.
+    /// A server that requires keys; requests use the first admin's.
     pub(crate) async fn guarded() -> Self {
         Self::start_with(|config| config.access = Access::Keys).await
     }
@@ -117,7 +117,7 @@ impl Harness {
         created["secret"].as_str().unwrap().to_owned()
     }
 
-    /// A request with another key, or with none.
+    /// A request with another key, or without one.
     pub(crate) async fn send_as(&self, key: Option<&str>, method: Method, path: &str) -> Answer {
         let mut request = self.client.request(method, self.url(path));
         if let Some(key) = key {
@@ -138,7 +138,7 @@ impl Harness {
         Self { server, ..self }
     }
 
-    /// Stops the server, does something to its folder, and starts it again.
+    /// Stops the server, changes its folder, and starts it again.
     pub(crate) async fn restart_after(self, between: impl FnOnce(&Path)) -> Self {
         self.server.shutdown().await;
         between(self.folder.path());
@@ -222,7 +222,7 @@ impl Answer {
         if self.text.is_empty() { Value::Null } else { self.json() }
     }
 
-    /// A problem of the right status and type that names the field.
+    /// Checks the status, type and field of a problem.
     #[track_caller]
     pub(crate) fn problem(&self, status: u16, kind: &str, pointer: Option<&str>) -> Value {
         let problem = self.expect(status);
@@ -244,7 +244,7 @@ pub(crate) async fn read(response: reqwest::Response) -> Answer {
     Answer { status, headers, text: response.text().await.unwrap() }
 }
 
-/// A belief without what depends on arrival.
+/// A belief without the fields that depend on the time of arrival.
 pub(crate) fn content(belief: &Value) -> Value {
     let mut belief = belief.clone();
     belief["revision"] = Value::Null;
@@ -266,7 +266,7 @@ pub(crate) fn off_box([x, y, z]: [f64; 3]) -> String {
     file + "4 0 2 3 1\n4 4 5 7 6\n4 0 1 5 4\n4 2 6 7 3\n4 0 4 6 2\n4 1 3 7 5\n"
 }
 
-/// Simulated touches of a box that rests at `session_from_object`, for the wire.
+/// Simulated touches of a box at rest at `session_from_object`, in wire form.
 pub(crate) fn touches(
     size: [f64; 3],
     n: usize,
@@ -300,7 +300,7 @@ pub(crate) fn pose_of(value: &Value) -> Pose {
     Pose::new(position, serde_json::from_value(part("orientation")).unwrap()).unwrap()
 }
 
-/// A reading that is in order but touches nothing.
+/// A valid reading without contact.
 pub(crate) fn quiet_reading() -> Value {
     json!({
         "sensor": "digitacts-6x6",

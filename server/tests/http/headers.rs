@@ -1,4 +1,4 @@
-//! What browsers are told, and what pages of other sites are refused.
+//! Tests of browser headers and of requests from other sites.
 
 use palpate_server::{Access, Server, StartError};
 use reqwest::Method;
@@ -15,7 +15,7 @@ async fn with(it: &Harness, method: Method, path: &str, headers: &[(&str, &str)]
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn every_answer_has_the_headers_that_bound_browsers() {
+async fn every_answer_has_security_headers() {
     let it = Harness::guarded().await;
     for path in ["/", "/livez", "/docs/", "/v1/objects", "/v1/nothing", "/v1/keys", "/metrics"] {
         for key in [it.key.as_deref(), None] {
@@ -43,13 +43,13 @@ async fn every_answer_has_the_headers_that_bound_browsers() {
     }
     let created = it.post("/v1/keys", &json!({"name": "a", "role": "robot"})).await;
     assert_eq!(created.headers["cache-control"], "no-store");
-    // The page has nothing inline that its policy would keep from being shown.
+    // The page has nothing inline that its policy would block.
     let page = it.get("/").await.text;
     assert!(!page.contains("<style") && !page.contains("<script>"), "{page}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn other_sites_may_read_answers_only_where_they_are_listed() {
+async fn only_listed_sites_may_read_answers() {
     const LAB: &str = "https://lab.example";
     let it = Harness::start_with(|config| {
         config.access = Access::Keys;
@@ -82,7 +82,7 @@ async fn other_sites_may_read_answers_only_where_they_are_listed() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn without_keys_pages_of_other_sites_are_turned_away() {
+async fn without_keys_requests_of_other_sites_are_refused() {
     let it = Harness::start_with(|config| {
         config.cors_origins = vec!["http://localhost:3000".to_owned()];
     })

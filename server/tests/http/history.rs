@@ -1,4 +1,4 @@
-//! What a session believed when, and what each reading contributed.
+//! Tests of a session's history: its beliefs over time, and the contributions of readings.
 
 use glam::{DQuat, DVec3};
 use palpate_core::pose::Pose;
@@ -26,7 +26,7 @@ async fn post(it: &Harness, session: &str, readings: &[Value]) -> Value {
     it.post(&path, &json!({"readings": readings})).await.expect(200)["belief"].clone()
 }
 
-/// A step says of a revision what its belief said.
+/// Checks that a step equals the belief of its revision.
 #[track_caller]
 fn check(step: &Value, belief: &Value) {
     assert_eq!(step["revision"], belief["revision"]);
@@ -39,7 +39,7 @@ fn check(step: &Value, belief: &Value) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_replay_has_every_belief_also_of_late_and_withdrawn_readings() {
+async fn a_replay_has_all_beliefs_with_late_and_retracted_readings() {
     let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}");
@@ -87,7 +87,7 @@ async fn a_replay_has_every_belief_also_of_late_and_withdrawn_readings() {
     }
 }
 
-/// What disagrees in a session, by number.
+/// Numbers of the disagreeing readings of a session.
 fn disagreeing(explanation: &Value) -> Vec<u64> {
     let readings = explanation["readings"].as_array().unwrap().iter();
     let those = readings.filter(|reading| reading["disagrees"] == true);
@@ -99,7 +99,7 @@ async fn explain(it: &Harness, session: &str) -> Value {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_wrong_reading_is_named_and_hardly_any_in_a_clean_session() {
+async fn a_wrong_reading_is_named_and_few_in_a_clean_session() {
     let it = Harness::trained().await;
     let mut n_named_in_vain = 0;
     for seed in 101..109 {
@@ -124,12 +124,12 @@ async fn a_wrong_reading_is_named_and_hardly_any_in_a_clean_session() {
         let left = disagreeing(&explanation);
         assert!(!left.contains(&place) && left.len() <= 1, "seed {seed}: {explanation}");
     }
-    // Of 96 touches: an edge between the 60 touches of the map may be where none of them was.
+    // In 96 touches: an edge between the 60 touches of the map may have been missed there.
     assert!(n_named_in_vain <= 1, "{n_named_in_vain} readings in order are named");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn contributions_are_those_of_leaving_each_reading_out() {
+async fn contributions_equal_leaving_each_reading_out() {
     let it = Harness::trained().await;
     let training = json!({"readings_per_object": 60, "n_classes": 8, "seed": 3,
         "appearance": {"n_classes": [8]}});
@@ -175,7 +175,7 @@ fn identities(belief: &Value) -> Vec<(String, f64)> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_belief_on_too_many_readings_is_not_explained() {
+async fn a_belief_of_too_many_readings_is_not_explained() {
     let it = Harness::trained().await;
     let session = it.session(json!({"method": "sva"})).await;
     let readings: Vec<Value> = (0..201).map(|_| quiet_reading()).collect();

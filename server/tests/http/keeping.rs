@@ -1,4 +1,4 @@
-//! What is stored is kept: a full disk, a damaged version, a snapshot, a second server.
+//! Tests of stored data: a full disk, a damaged version, a snapshot, a second server.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -23,7 +23,7 @@ fn readings(n: usize) -> Value {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_full_disk_refuses_writes_with_507_and_reading_goes_on() {
+async fn a_full_disk_refuses_writes_with_507_and_allows_reads() {
     let free = Arc::new(AtomicU64::new(u64::MAX));
     let seen = Arc::clone(&free);
     let it = Harness::trained_with(|config| {
@@ -58,7 +58,7 @@ async fn a_full_disk_refuses_writes_with_507_and_reading_goes_on() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_training_that_cannot_be_stored_fails_at_once_and_the_end_is_stored_later() {
+async fn an_unstorable_training_fails_and_is_recorded_later() {
     let free = Arc::new(AtomicU64::new(u64::MAX));
     let seen = Arc::clone(&free);
     let it = Harness::trained_with(|config| {
@@ -77,7 +77,7 @@ async fn a_training_that_cannot_be_stored_fails_at_once_and_the_end_is_stored_la
     it.post(path, &training).await.problem(507, "storage-full", None);
 
     free.store(u64::MAX, Ordering::Relaxed);
-    // The worker is free, and what waited to be stored does not come again.
+    // The worker is free, and the pending write does not come again.
     let job = it.post(path, &training).await.expect(202);
     let job = it.finished(job["id"].as_str().unwrap()).await;
     assert_eq!(job["state"], "succeeded", "{job}");
@@ -85,7 +85,7 @@ async fn a_training_that_cannot_be_stored_fails_at_once_and_the_end_is_stored_la
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_damaged_version_is_kept_from_use_and_the_rest_serves_on() {
+async fn a_damaged_version_is_unusable_and_the_rest_serves() {
     let mut it = Harness::trained().await;
     let old = it.session(json!({})).await;
     let second = json!({"readings_per_object": 70, "n_classes": 8, "seed": 4});
@@ -129,7 +129,7 @@ async fn a_damaged_version_is_kept_from_use_and_the_rest_serves_on() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn on_a_full_disk_keys_are_revoked_and_what_takes_room_is_removed() {
+async fn a_full_disk_allows_revoking_keys_and_removing_data() {
     let free = Arc::new(AtomicU64::new(u64::MAX));
     let seen = Arc::clone(&free);
     let it = Harness::trained_with(|config| {
@@ -146,7 +146,7 @@ async fn on_a_full_disk_keys_are_revoked_and_what_takes_room_is_removed() {
     let leaked = it.new_key("leaked", "robot").await;
     let turned = it.new_key("turned", "robot").await;
 
-    // Less than half of the reserve: not even plain removals would go on.
+    // Less than half of the reserve: even plain removals would be refused.
     free.store(30 << 20, Ordering::Relaxed);
     it.post("/v1/objects", &json!({"name": "mug"})).await.problem(507, "storage-full", None);
     it.send(Method::DELETE, "/v1/keys/leaked", None).await.expect(204);
@@ -170,7 +170,7 @@ async fn on_a_full_disk_keys_are_revoked_and_what_takes_room_is_removed() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_snapshot_of_the_running_service_restores_to_the_same_beliefs() {
+async fn a_snapshot_restores_to_the_same_beliefs() {
     let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}/readings");
@@ -180,7 +180,7 @@ async fn a_snapshot_of_the_running_service_restores_to_the_same_beliefs() {
     let taken = it.client.post(it.url("/v1/snapshots")).send().await.unwrap();
     assert_eq!(taken.status(), 200);
     let bytes = taken.bytes().await.unwrap();
-    // What came after the snapshot is not in it.
+    // Later changes are not in the snapshot.
     it.post("/v1/objects", &json!({"name": "later"})).await.expect(201);
     it.server.shutdown().await;
     let (_, report) = verify(&bytes[..]).unwrap();
@@ -201,7 +201,7 @@ async fn a_snapshot_of_the_running_service_restores_to_the_same_beliefs() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_second_server_on_the_same_folder_is_refused_by_name() {
+async fn a_second_server_on_a_folder_is_refused_by_name() {
     let it = Harness::start().await;
     let error = Server::start(config(it.folder())).await.err().unwrap().to_string();
     assert!(error.contains("is in use by another process"), "{error}");
@@ -209,7 +209,7 @@ async fn a_second_server_on_the_same_folder_is_refused_by_name() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_compaction_gives_room_back_and_is_shown_and_audited() {
+async fn a_compaction_frees_space_and_is_shown_and_audited() {
     let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}/readings");

@@ -1,4 +1,4 @@
-//! API keys: made, used, rotated, revoked; and that a server without them stays at home.
+//! Tests of API keys: created, used, rotated, revoked; and of servers without keys.
 
 use palpate_server::{Access, Config, Server, StartError};
 use reqwest::Method;
@@ -13,7 +13,7 @@ fn get() -> Method {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn without_keys_everybody_on_this_machine_may_do_everything() {
+async fn without_keys_local_callers_have_full_access() {
     let it = Harness::start().await;
     let whoami = it.get("/v1/whoami").await.expect(200);
     assert_eq!(
@@ -24,7 +24,7 @@ async fn without_keys_everybody_on_this_machine_may_do_everything() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn with_keys_nobody_gets_in_without_one() {
+async fn with_keys_every_request_needs_one() {
     let it = Harness::guarded().await;
     let whoami = it.get("/v1/whoami").await.expect(200);
     assert_eq!((&whoami["role"], &whoami["key"]["name"]), (&json!("admin"), &json!("admin")));
@@ -38,7 +38,7 @@ async fn with_keys_nobody_gets_in_without_one() {
         refused.problem(401, UNAUTHENTICATED, None);
         assert_eq!(refused.headers["www-authenticate"], expected);
     }
-    // The right key's id with another secret, as long.
+    // The valid key's id with another secret of the same length.
     let forged = format!("{}{}", &admin[..41], "0".repeat(64));
     it.send_as(Some(&forged), get(), "/v1/objects").await.problem(401, UNAUTHENTICATED, None);
     for open in ["/livez", "/readyz", "/version", "/openapi.json", "/docs/", "/", "/assets/app.css"]
@@ -56,7 +56,7 @@ async fn with_keys_nobody_gets_in_without_one() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_key_lives_from_its_creation_to_its_revocation_and_over_restarts() {
+async fn a_key_is_valid_until_revoked_across_restarts() {
     let it = Harness::guarded().await;
     let wanted = json!({"name": "arm-3", "role": "robot", "expires_in_s": 3600});
     let created = it.post("/v1/keys", &wanted).await;
@@ -91,13 +91,13 @@ async fn a_key_lives_from_its_creation_to_its_revocation_and_over_restarts() {
     assert!(gone["detail"].as_str().unwrap().contains("revoked"), "{gone}");
     let revoked = it.get("/v1/keys/arm-3").await.expect(200);
     assert_eq!(revoked["active"], false);
-    // The name is free again, and names the new key.
+    // The name is free again, and belongs to the new key.
     it.new_key("arm-3", "viewer").await;
     assert_eq!(it.get("/v1/keys/arm-3").await.expect(200)["role"], "viewer");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_rotated_key_is_let_in_with_the_secret_before_for_as_long_as_was_said() {
+async fn the_previous_secret_is_valid_for_its_grace_period() {
     let it = Harness::guarded().await;
     let first = it.new_key("arm-3", "robot").await;
     let rotate = async |body: Value| it.post("/v1/keys/arm-3/rotate", &body).await;
@@ -138,7 +138,7 @@ async fn streams_end_with_the_key_that_opened_them() {
     let text = screen.text().await.unwrap();
     assert!(text.contains("event: belief") && !text.contains("closed"), "{text}");
 
-    // The other one goes on until its secret is replaced.
+    // The other stream continues until its secret is replaced.
     it.post(&format!("/v1/sessions/{session}/readings"), &json!({"readings": [quiet_reading()]}))
         .await
         .expect(200);
@@ -148,7 +148,7 @@ async fn streams_end_with_the_key_that_opened_them() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_admin_is_always_left() {
+async fn the_last_admin_key_cannot_be_removed() {
     let it = Harness::guarded().await;
     let last = it.send(Method::DELETE, "/v1/keys/admin", None).await;
     let last = last.problem(409, "wrong-state", None);
@@ -161,7 +161,7 @@ async fn an_admin_is_always_left() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_a_key_may_not_be_is_refused() {
+async fn invalid_keys_are_refused() {
     let it = Harness::guarded().await;
     for (body, pointer) in [
         (json!({"name": "a b", "role": "robot"}), "/name"),
@@ -175,21 +175,21 @@ async fn what_a_key_may_not_be_is_refused() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn keys_are_asked_for_from_the_start_after_the_first_was_made() {
+async fn keys_are_required_from_the_start_after_the_first() {
     let it = Harness::start().await;
     let robot = it.new_key("arm-3", "robot").await;
     it.get("/v1/objects").await.expect(200);
     let mut it = it.restart().await;
     it.get("/v1/objects").await.problem(401, UNAUTHENTICATED, None);
     it.send_as(Some(&robot), get(), "/v1/sessions").await.expect(200);
-    // No admin could get in, so one was made; the next start makes none.
+    // No admin key was usable, so one was created; the next start creates none.
     it.key = it.server.take_admin_key();
     it.get("/v1/keys/admin").await.expect(200);
     assert_eq!(it.server.take_admin_key(), None);
     let mut it = it.restart().await;
     assert_eq!(it.server.take_admin_key(), None);
     it.get("/v1/keys").await.expect(200);
-    // Whoever has lost it makes another one.
+    // An administrator who has lost the key creates another one.
     let mut it = it.restart_with(|config| config.new_admin_key = true).await;
     it.key = it.server.take_admin_key();
     assert_eq!(it.get("/v1/whoami").await.expect(200)["key"]["name"], "admin-2");
@@ -198,7 +198,7 @@ async fn keys_are_asked_for_from_the_start_after_the_first_was_made() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn other_machines_are_let_in_with_keys_only() {
+async fn other_machines_need_keys() {
     let folder = tempfile::TempDir::new().unwrap();
     let mut open = config(folder.path());
     open.listen = "0.0.0.0:0".parse().unwrap();
@@ -220,7 +220,7 @@ async fn other_machines_are_let_in_with_keys_only() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn figures_are_for_everybody_where_the_operator_says_so() {
+async fn open_metrics_need_no_key() {
     let it = Harness::start_with(|config| {
         (config.access, config.open_metrics) = (Access::Keys, true);
     })

@@ -1,4 +1,4 @@
-//! Sessions expire when nothing comes, leases keep them open, and the end is told and stays.
+//! Tests of session expiry: idle sessions expire, leases keep them open, and the end is final.
 
 use std::time::Duration;
 
@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use crate::harness::{CUBE, Harness, touches};
 
-/// Longer than the time to live of the sessions here, and the sweep that follows it.
+/// Longer than the time to live of the sessions here, and the following sweep.
 const LONG: Duration = Duration::from_millis(2600);
 
 fn reading() -> Value {
@@ -73,7 +73,7 @@ async fn a_session_expires_and_a_lease_keeps_one_open() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn sessions_that_ended_are_deleted_where_the_operator_says_so() {
+async fn ended_sessions_are_deleted_when_configured() {
     let it = Harness::trained_with(|config| {
         config.session_kept = Some(Duration::from_millis(400));
     })
@@ -92,14 +92,14 @@ async fn sessions_that_ended_are_deleted_where_the_operator_says_so() {
         it.get(&format!("/v1/sessions/{gone}")).await.problem(404, "not-found", None);
         it.get(&format!("/v1/sessions/{gone}/readings")).await.problem(404, "not-found", None);
     }
-    // After a restart without the setting nothing is deleted any more.
+    // After a restart without the setting nothing is deleted.
     it.post(&format!("/v1/sessions/{open}/close"), &json!({})).await.expect(200);
     let it = it.restart_with(|config| config.session_kept = None).await;
     assert_eq!(it.get(&format!("/v1/sessions/{open}")).await.expect(200)["n_readings"], 1);
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn no_more_sessions_are_open_than_may_be() {
+async fn the_number_of_open_sessions_is_limited() {
     let it = Harness::trained_with(|config| config.sessions_open_max = 2).await;
     let first = it.session(json!({"ttl_s": 500})).await;
     let short = it.session(json!({"ttl_s": 2})).await;
@@ -115,7 +115,7 @@ async fn no_more_sessions_are_open_than_may_be() {
     tokio::time::sleep(LONG).await;
     let fourth = it.session(json!({})).await;
     assert_eq!(ids(&it, "&state=open").await, [third.as_str(), &fourth], "{short} expired");
-    // Those that are open stay open after a restart, and count.
+    // Open sessions stay open after a restart, and count.
     let it = it.restart_with(|config| config.sessions_open_max = 2).await;
     it.post("/v1/sessions", &json!({})).await.problem(429, "too-many-requests", None);
 }

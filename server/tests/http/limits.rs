@@ -1,4 +1,4 @@
-//! Bounds that requests meet: each client's share, the room for bodies, the memory of beliefs.
+//! Tests of limits on requests: each client's share, the memory of bodies and of beliefs.
 
 use std::num::NonZeroU32;
 use std::time::Duration;
@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use crate::harness::{Answer, BAR, CUBE, Harness, read, touches};
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_client_that_asks_too_often_is_told_when_to_come_back_and_others_are_not() {
+async fn only_a_too_frequent_client_gets_retry_after() {
     let it = Harness::start_with(|config| {
         config.access = Access::Keys;
         config.rate_per_second = NonZeroU32::new(20);
@@ -43,7 +43,7 @@ async fn a_client_that_asks_too_often_is_told_when_to_come_back_and_others_are_n
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn one_session_does_not_take_the_room_of_all() {
+async fn one_session_does_not_take_all_memory() {
     let it = Harness::trained().await;
     let (busy, other) = (it.session(json!({})).await, it.session(json!({})).await);
     let readings = json!({"readings": touches(BAR, 20, 5, Pose::IDENTITY)});
@@ -68,26 +68,26 @@ async fn one_session_does_not_take_the_room_of_all() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn bodies_together_have_no_more_room_than_there_is() {
+async fn the_memory_of_all_bodies_is_limited() {
     let it = Harness::start_with(|config| config.bodies_bytes_max = 8 << 10).await;
     let long = json!({"name": "vase", "description": "x".repeat(10_000)});
     let whole = it.post("/v1/objects", &long).await;
     whole.problem(503, "overloaded", None);
     assert_eq!(whole.headers["ratelimit-policy"], "\"bodies\";q=8192;qu=\"content-bytes\"");
-    // In pieces it meets its client's share of the room on the way.
+    // In pieces it first meets its client's share of the space.
     let pieces: Vec<Result<Vec<u8>, std::io::Error>> =
         long.to_string().into_bytes().chunks(1000).map(|piece| Ok(piece.to_vec())).collect();
     let request = it.client.post(it.url("/v1/objects")).header("content-type", "application/json");
     let streamed = request.body(Body::wrap_stream(futures::stream::iter(pieces))).send().await;
     read(streamed.unwrap()).await.problem(429, "too-many-requests", None);
-    // The room is free again, and what fits is taken.
+    // The space is free again, and a fitting body is accepted.
     for n in 0..20 {
         let object = json!({"name": format!("vase-{n}"), "description": "x".repeat(1900)});
         it.post("/v1/objects", &object).await.expect(201);
     }
 }
 
-/// The bytes that beliefs have, as the server says.
+/// Bytes of the beliefs, from the server's metrics.
 pub(crate) async fn belief_bytes(it: &Harness) -> usize {
     let ready = it.get("/readyz").await.expect(200);
     let checks = ready["checks"].as_array().unwrap();
@@ -97,13 +97,13 @@ pub(crate) async fn belief_bytes(it: &Harness) -> usize {
     found.unwrap_or_else(|| panic!("no number in {detail}"))
 }
 
-/// What eight sessions believe after readings that come to them in turn.
+/// Beliefs of eight sessions whose readings come in turn.
 async fn in_turn(it: &Harness, max: usize) -> Vec<Value> {
     let mut sessions = Vec::new();
     for _ in 0..8 {
         sessions.push(it.session(json!({})).await);
     }
-    // One is followed: its belief makes room all the same.
+    // One session is followed; its belief is evicted nevertheless.
     let path = format!("/v1/sessions/{}/events", sessions[0]);
     let _followed = it.client.get(it.url(&path)).send().await.unwrap();
     let mut believed = Vec::new();
@@ -115,7 +115,7 @@ async fn in_turn(it: &Harness, max: usize) -> Vec<Value> {
             belief.as_object_mut().unwrap().remove("session");
             believed.push(belief);
         }
-        // What one request adds is over the bound until the next comes.
+        // The bytes that one request adds are over the limit until the next comes.
         it.get(&format!("/v1/sessions/{}/belief", sessions[0])).await.expect(200);
         let bytes = belief_bytes(it).await;
         assert!(bytes <= max + max / 4, "{bytes} of {max}");
@@ -124,7 +124,7 @@ async fn in_turn(it: &Harness, max: usize) -> Vec<Value> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn beliefs_answer_the_same_where_few_of_them_fit_in_memory() {
+async fn beliefs_are_equal_when_few_fit_in_memory() {
     let it = Harness::trained().await;
     let with_plenty = in_turn(&it, usize::MAX / 2).await;
     let all = belief_bytes(&it).await;

@@ -1,5 +1,4 @@
-//! The service over real HTTP: each test starts a server on a free port with a folder of
-//! its own.
+//! Tests of the service over real HTTP; each starts a server on a free port with its own folder.
 
 #![expect(clippy::unwrap_used, reason = "a test fails where it unwraps")]
 

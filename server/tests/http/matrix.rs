@@ -1,7 +1,8 @@
-//! Every endpoint, with every role, without a key, with a revoked one and with rubbish.
+//! Tests of every endpoint with every role, without a key, with a revoked and with a
+//! malformed one.
 //!
-//! Generated from the API's description: an operation that does not say who may call it fails
-//! here, and so does one that lets in or keeps out others than it says.
+//! Generated from the API's description: an operation that does not state its callers fails
+//! here, and so does one that accepts or refuses other callers than stated.
 
 use reqwest::Method;
 use serde_json::{Map, Value};
@@ -9,10 +10,10 @@ use serde_json::{Map, Value};
 use crate::harness::{Answer, Harness};
 
 const ROLES: [&str; 4] = ["robot", "trainer", "viewer", "admin"];
-/// What needs no key. A new operation is not among them by oversight.
+/// Operations without a key. A new operation is not among them by oversight.
 const OPEN: [&str; 3] = ["livez", "readyz", "version"];
 
-/// An endpoint, as the description has it.
+/// An endpoint of the description.
 struct Endpoint {
     id: String,
     method: Method,
@@ -46,7 +47,7 @@ fn endpoint(method: &str, path: &str, operation: &Value) -> Endpoint {
     Endpoint { id, method, path: filled(path), roles }
 }
 
-/// The path with something in it that does not exist.
+/// The path with parameters that do not exist.
 fn filled(path: &str) -> String {
     let segment = |segment: &str| match segment {
         "{version}" => "1".to_owned(),
@@ -79,7 +80,7 @@ fn check(endpoint: &Endpoint, role: &str, answer: &Answer, responses: &Map<Strin
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn every_endpoint_lets_in_whom_it_says_and_nobody_else() {
+async fn every_endpoint_accepts_exactly_its_stated_roles() {
     let it = Harness::guarded().await;
     let document: Value = serde_json::from_str(palpate_server::openapi::text()).unwrap();
     let mut holders = Vec::new();
@@ -110,7 +111,7 @@ async fn every_endpoint_lets_in_whom_it_says_and_nobody_else() {
             assert!(answer.headers.contains_key("www-authenticate"), "{}", endpoint.id);
         }
     }
-    // Nobody of all those has changed anything but what they were let to.
+    // None of these requests changed more than it was permitted to.
     assert_eq!(it.get("/v1/objects").await.expect(200)["items"], serde_json::json!([]));
     assert_eq!(it.get("/v1/keys").await.expect(200)["items"].as_array().unwrap().len(), 6);
 }

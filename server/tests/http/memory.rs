@@ -1,4 +1,4 @@
-//! Models in memory: parts as methods need them, under a budget that is kept.
+//! Tests of models in memory: parts are loaded as methods need them, within a budget.
 
 use palpate_core::pose::Pose;
 use serde_json::{Value, json};
@@ -20,7 +20,7 @@ async fn surface_bytes(it: &Harness, catalogue: &str) -> u64 {
     report.expect(200)["surface_bytes"].as_u64().unwrap()
 }
 
-/// The bytes that the server says a part of the models takes.
+/// Bytes of a part of the models, from the server's metrics.
 async fn bytes_in_memory(it: &Harness, part: &str) -> u64 {
     let figures = it.get("/metrics").await.text;
     let name = format!("palpate_model_bytes{{part=\"{part}\"}} ");
@@ -28,7 +28,7 @@ async fn bytes_in_memory(it: &Harness, part: &str) -> u64 {
     line.unwrap_or_else(|| panic!("no {name}in {figures}")).parse::<f64>().unwrap() as u64
 }
 
-/// What two sessions believe after each of their readings, which come in turn.
+/// Beliefs of two sessions after each of their readings, which come in turn.
 async fn in_turn(it: &Harness, budget: u64) -> Vec<Value> {
     let mut sessions = Vec::new();
     for catalogue in ["default", "other"] {
@@ -50,7 +50,7 @@ async fn in_turn(it: &Harness, budget: u64) -> Vec<Value> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn two_catalogues_in_turn_answer_the_same_where_only_one_fits() {
+async fn two_catalogues_answer_equally_when_only_one_fits() {
     let it = Harness::start().await;
     let bytes = two_catalogues(&it).await;
     let with_plenty = in_turn(&it, u64::MAX).await;
@@ -62,7 +62,7 @@ async fn two_catalogues_in_turn_answer_the_same_where_only_one_fits() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_session_loads_what_its_method_needs_and_a_model_that_does_not_fit_is_refused() {
+async fn a_session_loads_its_methods_part_or_is_refused() {
     let it = Harness::trained().await;
     let needed = surface_bytes(&it, "default").await;
     let it = it.restart_with(|config| config.model_memory_bytes_max = needed - 1).await;

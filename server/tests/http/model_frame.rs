@@ -1,5 +1,5 @@
-//! The frames of an answer: a pose is also told in the frame that the object was taught in, of
-//! an object with a mesh and of one that a robot taught.
+//! Tests of the frames of an answer: a pose is also given in the object's training frame, for
+//! an object with a mesh and for one trained by a robot.
 
 use glam::{DQuat, DVec3};
 use palpate_core::pose::Pose;
@@ -8,12 +8,12 @@ use serde_json::{Value, json};
 
 use crate::harness::{BAR, Harness, off_box, pose_of, touches};
 
-/// Where the middle of the bar lies in its mesh file, millimetres.
+/// The centre of the bar in its mesh file, millimetres.
 const MIDDLE_IN_FILE: [f64; 3] = [130.0, -70.0, 45.0];
 /// Three different edges, millimetres.
 const BRICK: [f64; 3] = [60.0, 40.0, 25.0];
 
-/// The bar as an OFF file whose coordinates do not begin at its middle.
+/// The bar as an OFF file whose origin is not its centre.
 fn shifted_bar() -> String {
     let moved = |line: &str| {
         let at: Vec<f64> = line.split(' ').map(|part| part.parse().unwrap()).collect();
@@ -28,8 +28,8 @@ fn shifted_bar() -> String {
     lines.collect::<Vec<_>>().join("\n") + "\n"
 }
 
-/// Adds the shifted bar as a mesh and the brick by touches; the brick's middle lies at the
-/// given place of the frame of its training readings.
+/// Adds the shifted bar as a mesh and the brick by touches; the brick's centre lies at the
+/// given pose in the frame of its training readings.
 async fn train(it: &Harness, training_from_brick: Pose) {
     it.post("/v1/objects", &json!({"name": "bar"})).await.expect(201);
     it.put_mesh("bar", &shifted_bar()).await.expect(200);
@@ -42,7 +42,7 @@ async fn train(it: &Harness, training_from_brick: Pose) {
     assert_eq!(job["state"], "succeeded", "{job}");
 }
 
-/// The middle of `size` as the likeliest pose of an object has it, by its model frame.
+/// The centre of `size` according to the likeliest pose of an object, by its model frame.
 async fn middle(it: &Harness, method: &str, size: [f64; 3], at: Pose, in_model: DVec3) -> DVec3 {
     let session = it.session(json!({"method": method})).await;
     let path = format!("/v1/sessions/{session}/readings");
@@ -57,7 +57,7 @@ async fn middle(it: &Harness, method: &str, size: [f64; 3], at: Pose, in_model: 
     pose_of(&belief["poses"][0]["session_from_model"]) * in_model
 }
 
-/// Both poses of a mode have the axes in common and differ by the origin in the report.
+/// Checks that both poses of a mode have equal axes and differ by the origin in the report.
 fn same_in_both_frames(mode: &Value, report: &Value) {
     let objects = report["objects"].as_array().unwrap();
     let trained = objects.iter().find(|object| object["name"] == mode["name"]).unwrap();
@@ -68,15 +68,15 @@ fn same_in_both_frames(mode: &Value, report: &Value) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_pose_is_told_in_the_frame_that_the_object_was_taught_in() {
+async fn a_pose_is_given_in_the_objects_training_frame() {
     let it = Harness::start().await;
     let training_from_brick =
         Pose::from_parts(DQuat::from_rotation_y(0.7), DVec3::new(0.31, -0.22, 0.13));
     train(&it, training_from_brick).await;
     let it = it.restart().await;
     let truth = Pose::from_parts(DQuat::from_rotation_z(0.4), DVec3::new(0.02, -0.03, 0.05));
-    // The middle of a box is where it is whichever of its half turns is answered. A missing or
-    // doubled origin would be off by the 150 mm and 400 mm of the frames.
+    // The centre of a box is invariant to its half turns. A missing or doubled origin would
+    // be off by the 150 mm and 400 mm of the frames.
     let in_file = DVec3::from_array(MIDDLE_IN_FILE) * MM;
     for method in ["surface", "sva"] {
         let bar = middle(&it, method, BAR, truth, in_file).await;

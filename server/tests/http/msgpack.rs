@@ -1,4 +1,4 @@
-//! Readings in MessagePack: understood as the same readings in JSON, refused as clearly.
+//! Tests of readings in MessagePack: equal to the same readings in JSON, refused as clearly.
 
 use palpate_core::pose::Pose;
 use palpate_schemas::AddReadings;
@@ -18,7 +18,7 @@ fn packed(value: &Value) -> Vec<u8> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn readings_mean_the_same_in_messagepack_and_json() {
+async fn readings_are_equal_in_messagepack_and_json() {
     let it = Harness::trained().await;
     let mut readings = touches(BAR, 6, 31, Pose::IDENTITY);
     for (seq, reading) in readings.iter_mut().enumerate() {
@@ -42,7 +42,7 @@ async fn readings_mean_the_same_in_messagepack_and_json() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn messagepack_that_cannot_be_is_refused() {
+async fn invalid_messagepack_is_refused() {
     let it = Harness::trained_with(|config| config.json_bytes_max = 100_000).await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}/readings");

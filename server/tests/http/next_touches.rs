@@ -1,4 +1,4 @@
-//! Next touches: ranked from the first moment, within the deadline, and clear when not.
+//! Tests of next touches: ranked from the first moment, within the deadline, with clear refusals.
 
 use glam::{DQuat, DVec3};
 use palpate_core::pose::Pose;
@@ -10,7 +10,7 @@ fn resting_pose() -> Pose {
     Pose::from_parts(DQuat::from_rotation_z(0.4), DVec3::new(0.02, -0.03, 0.05))
 }
 
-/// An approach that begins at a point of the object frame and goes along a direction of it.
+/// An approach from a point of the object frame along a direction of it.
 fn candidate(start: DVec3, direction: DVec3) -> Value {
     let object_from_sensor = Pose::from_parts(DQuat::from_rotation_arc(DVec3::Z, direction), start);
     let pose = resting_pose() * object_from_sensor;
@@ -19,7 +19,7 @@ fn candidate(start: DVec3, direction: DVec3) -> Value {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn own_approaches_are_ranked_from_the_first_moment() {
+async fn the_servers_approaches_are_ranked_from_the_start() {
     let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}/next-touches");
@@ -49,7 +49,7 @@ async fn own_approaches_are_ranked_from_the_first_moment() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn candidates_are_ranked_by_bits_for_their_cost_and_air_is_worth_nothing() {
+async fn candidates_are_ranked_by_bits_per_cost() {
     let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}");
@@ -73,7 +73,7 @@ async fn candidates_are_ranked_by_bits_for_their_cost_and_air_is_worth_nothing()
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_deadline_cuts_the_answer_short() {
+async fn a_deadline_shortens_the_answer() {
     let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}/next-touches");
@@ -87,7 +87,7 @@ async fn a_deadline_cuts_the_answer_short() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn wrong_questions_name_the_field() {
+async fn invalid_requests_name_the_field() {
     let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}/next-touches");

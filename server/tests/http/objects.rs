@@ -1,4 +1,4 @@
-//! Sensors and objects: what is stored comes back, names are unique.
+//! Tests of sensors and objects: stored values are returned, names are unique.
 
 use reqwest::Method;
 use serde_json::json;
@@ -6,7 +6,7 @@ use serde_json::json;
 use crate::harness::{BAR, CUBE, Harness, off_box, quiet_reading};
 
 #[tokio::test(flavor = "multi_thread")]
-async fn presets_are_there_and_sensors_can_be_added() {
+async fn presets_exist_and_sensors_can_be_added() {
     let it = Harness::start().await;
     let page = it.get("/v1/sensors").await.expect(200);
     assert_eq!(page["items"].as_array().unwrap().len(), 5);
@@ -33,14 +33,14 @@ async fn presets_are_there_and_sensors_can_be_added() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_reading_can_be_tried_out_without_storing_it() {
+async fn a_reading_can_be_checked_without_storing_it() {
     let it = Harness::start().await;
     let sensor = json!({"name": "turned", "preset": "digitacts-6x6",
         "image_order": {"rows_reversed": true}});
     it.post("/v1/sensors", &sensor).await.expect(201);
     let mut reading = quiet_reading();
     reading["sensor"] = json!("turned");
-    // Row 0, column 5 as the driver sends it is row 5, column 5 of the sensor frame, with its
+    // Row 0, column 5 of the driver's image is row 5, column 5 of the sensor frame, with its
     // centre at 5 mm along x and y; the sensor is 100 mm above the session's origin.
     reading["image"][5] = json!(8000.0);
     reading["image"][0] = serde_json::Value::Null;
@@ -62,7 +62,7 @@ async fn a_reading_can_be_tried_out_without_storing_it() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn objects_are_made_changed_listed_and_deleted() {
+async fn objects_are_created_changed_listed_and_deleted() {
     let it = Harness::start().await;
     for name in ["mug", "tyre", "glass"] {
         it.post("/v1/objects", &json!({"name": name})).await.expect(201);
@@ -89,7 +89,7 @@ async fn objects_are_made_changed_listed_and_deleted() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn meshes_come_back_as_they_were_sent() {
+async fn meshes_are_returned_unchanged() {
     let it = Harness::start().await;
     it.post("/v1/objects", &json!({"name": "bar"})).await.expect(201);
     it.get("/v1/objects/bar/mesh").await.problem(404, "not-found", None);

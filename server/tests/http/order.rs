@@ -1,4 +1,4 @@
-//! Order of arrival, repeats and retractions: one set of readings, one belief, bit for bit.
+//! Tests of the order of arrival, repeats and retractions: one set of readings gives one belief.
 
 use glam::{DQuat, DVec3};
 use palpate_core::pose::Pose;
@@ -12,12 +12,12 @@ fn resting_pose() -> Pose {
     Pose::from_parts(DQuat::from_rotation_z(0.4), DVec3::new(0.02, -0.03, 0.05))
 }
 
-/// Readings of three robots in turn, with stamps; every fourth says the object moved a bit.
+/// Readings of three robots in turn, with stamps; every fourth reports a motion of the object.
 fn of_a_fleet(n: usize) -> Vec<Value> {
     let number = |(index, mut reading): (usize, Value)| {
         reading["robot"] = json!(format!("arm-{}", index % 3));
         reading["seq"] = json!(index / 3);
-        // Pairs of robots press at one and the same time.
+        // Pairs of robots press at the same time.
         reading["stamp"] = json!({"sec": 100 + index / 2, "nanosec": 5});
         if index % 4 == 3 {
             reading["object_moved"] = json!({"position_m": 0.001, "angle_rad": 0.01});
@@ -66,7 +66,7 @@ async fn readings_in_any_order_and_batches_give_one_belief() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn every_method_folds_late_readings_as_if_they_had_come_in_time() {
+async fn late_readings_count_as_if_in_time_for_every_method() {
     let it = Harness::start().await;
     let names = ["cube", "bar"];
     it.train().await;
@@ -97,7 +97,7 @@ async fn every_method_folds_late_readings_as_if_they_had_come_in_time() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_withdrawn_reading_leaves_no_trace_and_a_repeat_does_not_bring_it_back() {
+async fn a_retraction_leaves_no_trace_and_survives_repeats() {
     let it = Harness::trained().await;
     let readings = of_a_fleet(12);
     let others: Vec<Value> = readings
@@ -134,7 +134,7 @@ async fn a_withdrawn_reading_leaves_no_trace_and_a_repeat_does_not_bring_it_back
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn readings_without_ids_are_listed_and_withdrawn_by_number() {
+async fn readings_without_ids_are_listed_and_retracted_by_number() {
     let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}");
@@ -165,7 +165,7 @@ async fn readings_without_ids_are_listed_and_withdrawn_by_number() {
     it.post(&format!("{path}/close"), &json!({})).await.expect(200);
     let refused = it.send(Method::DELETE, &format!("{path}/readings/0"), None).await;
     refused.problem(410, "session-ended", None);
-    // What is withdrawn stays so, and is answered.
+    // A retraction is final, and the request is answered.
     retract(&it, &session, "1").await;
     let text = events.text().await.unwrap();
     let names: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("event: ")).collect();
@@ -174,7 +174,7 @@ async fn readings_without_ids_are_listed_and_withdrawn_by_number() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn withdrawn_readings_still_take_room() {
+async fn retracted_readings_still_count_towards_the_limit() {
     let it = Harness::trained_with(|config| config.session_readings_max = 3).await;
     let session = it.session(json!({})).await;
     let readings = of_a_fleet(4);

@@ -1,4 +1,5 @@
-//! Sensors, catalogues and versions are removed when nothing needs them, and say what does.
+//! Tests of removal: unused sensors, catalogues and versions are removed, used ones name
+//! their users.
 
 use palpate_core::pose::Pose;
 use reqwest::Method;
@@ -10,7 +11,7 @@ async fn delete(it: &Harness, path: &str) -> Answer {
     it.send(Method::DELETE, path, None).await
 }
 
-/// Refused, with what needs it.
+/// Checks a refusal and the named user of the resource.
 async fn needed(it: &Harness, path: &str, by: &str) {
     let refused = delete(it, path).await.problem(409, "wrong-state", None);
     assert!(refused["detail"].as_str().unwrap().contains(by), "{by}: {refused}");
@@ -25,7 +26,7 @@ async fn train(it: &Harness, extra: &Value) -> Value {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_version_goes_when_it_is_not_current_and_no_session_began_with_it() {
+async fn an_unused_version_is_removed() {
     let it = Harness::trained().await;
     let path = "/v1/catalogues/default/versions/1";
     needed(&it, path, "new sessions use it").await;
@@ -36,7 +37,7 @@ async fn a_version_goes_when_it_is_not_current_and_no_session_began_with_it() {
     needed(&it, path, &session).await;
     it.post(&format!("/v1/sessions/{session}/close"), &json!({})).await.expect(200);
     needed(&it, path, &session).await;
-    // A version that shares the first one's parts keeps them.
+    // A version that shares parts with the first one keeps them.
     assert_eq!(
         train(
             &it,
@@ -65,7 +66,7 @@ async fn a_version_goes_when_it_is_not_current_and_no_session_began_with_it() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_catalogue_goes_with_all_its_versions() {
+async fn a_catalogue_is_removed_with_all_its_versions() {
     let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     needed(&it, "/v1/catalogues/default", &session).await;
@@ -83,7 +84,7 @@ async fn a_catalogue_goes_with_all_its_versions() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_sensor_goes_when_no_reading_of_it_is_kept() {
+async fn a_sensor_without_readings_is_removed() {
     let it = Harness::trained().await;
     for name in ["palm", "finger", "typo"] {
         it.post("/v1/sensors", &json!({"name": name, "preset": "digitacts-6x6"})).await.expect(201);
@@ -105,7 +106,7 @@ async fn a_sensor_goes_when_no_reading_of_it_is_kept() {
     it.get("/v1/sensors/typo").await.problem(404, "not-found", None);
     let refused = it.post(&readings, &of("typo")).await;
     refused.problem(422, "invalid-value", Some("/readings/0/sensor"));
-    // What was refused goes on.
+    // Refused resources stay usable.
     it.post(&readings, &of("finger")).await.expect(200);
     delete(&it, &format!("/v1/sessions/{session}")).await.expect(204);
     delete(&it, "/v1/sensors/finger").await.expect(204);

@@ -1,4 +1,4 @@
-//! Sessions: beliefs firm up, retries count once, restarts lose nothing.
+//! Tests of sessions: beliefs sharpen, retries count once, restarts lose nothing.
 
 use futures::future::join_all;
 use glam::{DQuat, DVec3};
@@ -13,7 +13,7 @@ fn resting_pose() -> Pose {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn touches_are_recognised_and_a_restart_loses_nothing() {
+async fn touches_are_recognised_and_survive_a_restart() {
     let it = Harness::trained().await;
     let session = it
         .session(json!({"frame_id": "base_link", "prior": [
@@ -54,7 +54,7 @@ async fn touches_are_recognised_and_a_restart_loses_nothing() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_belief_at_a_reading_is_what_was_answered_to_it() {
+async fn the_belief_at_a_revision_is_the_answer_of_that_time() {
     let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}");
@@ -117,7 +117,7 @@ async fn a_repeated_reading_counts_once_and_a_changed_one_is_refused() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_reading_that_is_repeated_after_a_restart_counts_once() {
+async fn a_reading_repeated_after_a_restart_counts_once() {
     let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}");
@@ -144,7 +144,7 @@ async fn a_reading_that_is_repeated_after_a_restart_counts_once() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn robots_may_post_to_one_session_and_to_many_at_once() {
+async fn robots_may_post_to_one_or_many_sessions_at_once() {
     let it = Harness::trained().await;
     let shared = it.session(json!({})).await;
     let own = join_all((0..4).map(|_| it.session(json!({})))).await;
@@ -167,7 +167,7 @@ async fn robots_may_post_to_one_session_and_to_many_at_once() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_full_queue_says_come_back_and_stores_nothing() {
+async fn a_full_queue_refuses_with_retry_after_and_stores_nothing() {
     let it = Harness::trained_with(|config| {
         config.compute_threads = 1;
         config.compute_queue_max = 0;
@@ -199,7 +199,7 @@ async fn a_full_queue_says_come_back_and_stores_nothing() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn events_tell_beliefs_and_the_end() {
+async fn events_contain_beliefs_and_the_end() {
     let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let other = it.session(json!({})).await;
@@ -246,7 +246,7 @@ async fn sessions_are_closed_and_deleted() {
     let refused = it.post(&format!("{path}/readings"), &body).await;
     let refused = refused.problem(410, "session-ended", None);
     assert!(refused["detail"].as_str().unwrap().contains("was closed at 20"), "{refused}");
-    // A retry of what is stored is answered all the same.
+    // A retry of a stored reading is answered nevertheless.
     it.post(&format!("{path}/readings"), &repeatable).await.expect(200);
     assert_eq!(it.get(&format!("{path}/belief")).await.expect(200)["n_readings"], 1);
     let list = it.get("/v1/sessions").await.expect(200);
@@ -258,7 +258,7 @@ async fn sessions_are_closed_and_deleted() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn more_sessions_than_fit_in_memory_are_rebuilt_from_their_journals() {
+async fn evicted_sessions_are_rebuilt_from_their_journals() {
     let it = Harness::trained_with(|config| config.beliefs_in_memory_max = 2).await;
     let readings = touches(CUBE, 6, 4, resting_pose());
     let mut sessions = Vec::new();
@@ -281,7 +281,7 @@ async fn more_sessions_than_fit_in_memory_are_rebuilt_from_their_journals() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn who_knows_the_truth_is_told_how_right_the_belief_was() {
+async fn a_reported_truth_is_scored_against_the_belief() {
     let it = Harness::trained().await;
     let mut closed = Vec::new();
     for truth in
@@ -299,7 +299,7 @@ async fn who_knows_the_truth_is_told_how_right_the_belief_was() {
             let refused = it.post(&format!("{path}/close"), &wrong).await;
             refused.problem(422, "invalid-value", Some(pointer));
         }
-        // The truth may be known later than the end.
+        // The truth may be reported after the end.
         it.send(Method::POST, &format!("{path}/close"), None).await.expect(200);
         assert_eq!(it.get(&path).await.expect(200)["truth"], Value::Null);
         let told = it.post(&format!("{path}/close"), &truth).await.expect(200)["truth"].clone();

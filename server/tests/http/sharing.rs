@@ -1,5 +1,5 @@
-//! Sessions that several robots share, objects that move, the risk at which to stop, and how
-//! probable "none of these" is before the first touch.
+//! Tests of sessions shared by robots, moving objects, the stopping risk, and the prior of
+//! "none of these".
 
 use glam::{DQuat, DVec3};
 use palpate_core::pose::Pose;
@@ -11,7 +11,7 @@ fn resting_pose() -> Pose {
     Pose::from_parts(DQuat::from_rotation_z(0.4), DVec3::new(0.02, -0.03, 0.05))
 }
 
-/// How far the likeliest pose of a belief is from the truth, metres.
+/// Distance of the likeliest pose of a belief from the truth, metres.
 fn error(belief: &Value, truth: &Pose) -> f64 {
     let at = &belief["poses"][0]["pose"]["position"];
     let at = DVec3::from_array([0, 1, 2].map(|axis| at[axis].as_f64().unwrap()));
@@ -25,7 +25,7 @@ fn bar(belief: &Value) -> f64 {
     bar["probability"].as_f64().unwrap()
 }
 
-/// Posts readings of a robot, each with `more` fields, and answers the belief.
+/// Posts readings of a robot, each with `more` fields; the belief.
 async fn post(
     it: &Harness,
     session: &str,
@@ -47,7 +47,7 @@ async fn post(
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_robot_whose_base_is_off_shares_a_session_when_it_says_so() {
+async fn a_robot_with_a_stated_base_error_shares_a_session() {
     let it = Harness::trained().await;
     let off = Pose::from_parts(DQuat::IDENTITY, DVec3::new(0.003, -0.003, 0.002));
     let base = json!({"position_m": 0.003, "angle_rad": 0.02});
@@ -70,7 +70,7 @@ async fn a_robot_whose_base_is_off_shares_a_session_when_it_says_so() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_object_that_moved_keeps_its_name_also_after_a_restart() {
+async fn a_moved_object_keeps_its_identity_after_a_restart() {
     let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let before = post(&it, &session, "a", touches(BAR, 8, 77, resting_pose()), &json!({})).await;
@@ -85,7 +85,7 @@ async fn an_object_that_moved_keeps_its_name_also_after_a_restart() {
     assert!(bar(&loose) > 0.5, "{loose}");
     let after = post(&it, &session, "c", rest, &json!({})).await;
     assert!(bar(&after) > 0.8, "{after}");
-    // The same readings folded anew from the journal.
+    // The same readings folded again from the journal.
     let path = format!("/v1/sessions/{session}/belief?at=16");
     let again = it.get(&path).await.expect(200);
     assert_eq!(again["objects"], after["objects"]);
@@ -93,7 +93,7 @@ async fn an_object_that_moved_keeps_its_name_also_after_a_restart() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_object_that_shifts_at_every_touch_is_recognised_when_it_is_said() {
+async fn a_drifting_object_is_recognised_when_announced() {
     let it = Harness::trained().await;
     let mut deviations = Vec::new();
     for begin in [json!({}), json!({"object_moves": {"position_m": 0.003, "angle_rad": 0.05}})] {
@@ -114,7 +114,7 @@ async fn an_object_that_shifts_at_every_touch_is_recognised_when_it_is_said() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_press_that_came_through_where_the_object_was_believed_speaks_against_it() {
+async fn a_free_path_through_an_object_is_evidence_against_it() {
     let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}");
@@ -141,7 +141,7 @@ async fn a_press_that_came_through_where_the_object_was_believed_speaks_against_
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_session_says_how_probable_none_of_these_is_before_the_first_touch() {
+async fn a_session_sets_the_prior_of_none_of_these() {
     let it = Harness::trained().await;
     let mut odds = Vec::new();
     for (begin, prior) in [(json!({}), 0.05), (json!({"unknown_prior": 0.5}), 0.5)] {
@@ -154,7 +154,7 @@ async fn a_session_says_how_probable_none_of_these_is_before_the_first_touch() {
         let unknown = after["unknown"].as_f64().unwrap();
         odds.push(unknown / (1.0 - unknown));
     }
-    // The same evidence: odds stay apart by (0.5/0.5)/(0.05/0.95) = 19.
+    // Equal evidence: the odds differ by (0.5/0.5)/(0.05/0.95) = 19.
     assert!((odds[1] / odds[0] - 19.0).abs() < 1e-6, "{odds:?}");
     let other = it.session(json!({"method": "sva"})).await;
     let other = it.get(&format!("/v1/sessions/{other}")).await.expect(200);
@@ -162,7 +162,7 @@ async fn a_session_says_how_probable_none_of_these_is_before_the_first_touch() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_is_out_of_range_is_named() {
+async fn values_out_of_range_are_named() {
     let it = Harness::trained().await;
     let wrong = [
         (json!({"risk": 0.9}), "/risk"),

@@ -1,4 +1,4 @@
-//! Health, documentation, and errors that the framework would answer in plain text.
+//! Tests of health, documentation, and errors that the framework would answer in plain text.
 
 use reqwest::header::HeaderValue;
 use reqwest::{Method, StatusCode};
@@ -10,7 +10,7 @@ use crate::harness::Harness;
 const SWAGGER: &[&str] = &["swagger-ui-bundle.js", "swagger-ui.css", "swagger-initializer.js"];
 
 #[tokio::test(flavor = "multi_thread")]
-async fn health_documentation_and_figures_are_there() {
+async fn health_documentation_and_metrics_are_served() {
     let it = Harness::start().await;
     assert_eq!(it.get("/livez").await.expect(200)["alive"], true);
     let ready = it.get("/readyz").await.expect(200);
@@ -65,7 +65,7 @@ async fn errors_of_the_framework_are_problems_too() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_fit_request_id_is_kept_and_others_are_replaced() {
+async fn a_valid_request_id_is_kept_and_others_are_replaced() {
     let it = Harness::start().await;
     for (given, is_kept) in [("robot-7:41", true), ("a b", false), (&"x".repeat(65), false)] {
         let request = it.client.get(it.url("/livez")).header("x-request-id", given);
@@ -75,7 +75,7 @@ async fn a_fit_request_id_is_kept_and_others_are_replaced() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn more_requests_than_allowed_are_sent_away() {
+async fn requests_above_the_limit_are_refused() {
     let it = Harness::start_with(|config| config.requests_max = 0).await;
     let refused = it.get("/v1/objects").await;
     refused.problem(503, "overloaded", None);

@@ -1,4 +1,4 @@
-//! Stored bytes: which key holds how much, its quota, and what would free most.
+//! Tests of stored bytes: use by each key, its quota, and the things that would free most.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -65,7 +65,7 @@ async fn a_robot_over_its_quota_is_refused_until_it_removes_something() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn readings_versions_and_sessions_count_to_the_key_that_made_them() {
+async fn stored_data_counts_towards_the_key_that_made_it() {
     let it = Harness::guarded().await;
     it.train().await;
     let arm = it.new_key("arm", "robot").await;
@@ -90,7 +90,7 @@ async fn readings_versions_and_sessions_count_to_the_key_that_made_them() {
     assert_eq!(it.get("/v1/storage").await.expect(200)["holders"], storage["holders"]);
     it.send(Method::DELETE, &format!("/v1/sessions/{session}"), None).await.expect(204);
     let keys = it.get("/v1/keys").await.expect(200);
-    // The name of its robot belongs to it still.
+    // Its robot's name still counts towards it.
     assert!(holds(&keys, "arm") < 200, "an administrator removed what it wrote: {keys}");
     let metrics = it.get("/metrics").await.text;
     let line = metrics.lines().find(|line| line.starts_with("palpate_store_key_bytes"));
@@ -99,7 +99,7 @@ async fn readings_versions_and_sessions_count_to_the_key_that_made_them() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_full_disk_says_what_would_free_most_to_holders_of_keys() {
+async fn a_full_disk_tells_holders_of_keys_what_would_free_most() {
     let free = Arc::new(AtomicU64::new(u64::MAX));
     let seen = Arc::clone(&free);
     let it = Harness::start_with(|config| {

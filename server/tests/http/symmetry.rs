@@ -1,4 +1,4 @@
-//! Symmetries: found in training, kept with the version, and poses answered as orbits.
+//! Tests of symmetries: found in training, stored with the version, and poses answered as orbits.
 
 use glam::{DQuat, DVec3};
 use palpate_core::pose::Pose;
@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use crate::harness::{BAR, Harness, off_box, touches};
 
-/// A box of three different edges in millimetres: it has three half turns.
+/// A box with three different edges, in millimetres: it has three half turns.
 const BRICK: [f64; 3] = [60.0, 40.0, 25.0];
 
 /// Trains the bar, which has four quarter turns about its length and four half turns across,
@@ -48,7 +48,7 @@ fn pose(value: &Value) -> Pose {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_bar_is_answered_once_and_may_be_turned_by_quarters() {
+async fn a_bar_has_one_pose_modulo_quarter_turns() {
     let it = Harness::start().await;
     let report = train(&it).await;
     assert!(report["objects"].as_array().unwrap().iter().all(|o| o["symmetry_by"] == "mesh"));
@@ -57,7 +57,7 @@ async fn a_bar_is_answered_once_and_may_be_turned_by_quarters() {
     let (two, four) = (AxisOrder::Finite(2), AxisOrder::Finite(4));
     assert_eq!(orders(&bar), [four, two, two, two, two], "{report}");
     assert_eq!(orders(&brick), [two, two, two], "{report}");
-    // Its length is x; frames have their origin in the middle of the mesh.
+    // Its length is x; frames have their origin at the centre of the mesh.
     assert!(bar.axes[0].direction.x.abs() > (2.0 * DEG).cos(), "{bar:?}");
     assert!(bar.center.length() < 1.0 * MM, "{bar:?}");
 
@@ -74,7 +74,7 @@ async fn a_bar_is_answered_once_and_may_be_turned_by_quarters() {
         let best = pose(&bars[0]["pose"]);
         let (moved, angle) = bar.distance(&best, &truth);
         assert!(moved < 2.0 * MM && angle < 6.0 * DEG, "{method}: {moved} m {angle} rad");
-        // The axis as it is told lies in the session frame.
+        // The reported axis lies in the session frame.
         let told = symmetry(&bars[0]["symmetry"]);
         assert_eq!(orders(&told), orders(&bar));
         let along = truth.turn(DVec3::X).cross(told.axes[0].direction).length();
@@ -94,9 +94,9 @@ async fn a_bar_is_answered_once_and_may_be_turned_by_quarters() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_mesh_decides_a_symmetry_and_few_touches_leave_it_undetermined() {
+async fn meshes_decide_a_symmetry_that_few_touches_cannot() {
     let it = Harness::start().await;
-    // With 100 touches by this seed the mug could be "turned by any angle", handle and all.
+    // With 100 touches of this seed the mug could seem to have a continuous axis, handle and all.
     let mug = shapes::example("mug").unwrap().scaled_to_largest_dimension(80.0);
     let mug = String::from_utf8(mug.to_off_bytes()).unwrap();
     it.post("/v1/objects", &json!({"name": "mug"})).await.expect(201);

@@ -1,5 +1,4 @@
-//! The memory of sessions by geometry: counted, shared, and refused at its field before anything
-//! is made.
+//! Tests of the memory of geometric sessions: counted, shared, and refused before allocation.
 
 use palpate_core::reading::SensorId;
 use palpate_sim::letters::Font;
@@ -10,7 +9,7 @@ use crate::geometry::{add_letters, train};
 use crate::harness::Harness;
 use crate::limits::belief_bytes;
 
-/// Two letters with planar maps, in a server whose beliefs have this much memory.
+/// Two letters with planar maps, on a server with this much memory for beliefs.
 async fn letters(belief_bytes_max: usize) -> Harness {
     let it = Harness::start_with(|config| config.belief_memory_bytes_max = belief_bytes_max).await;
     add_letters(&it, &['I', 'O']).await;
@@ -31,9 +30,9 @@ fn reading() -> Value {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn tables_that_would_take_too_much_are_refused_at_their_field() {
+async fn too_large_tables_are_refused_at_their_field() {
     let it = letters(40_000_000).await;
-    // The smallest box took 10 GB an object when samples followed the bins.
+    // The smallest box took 10 GB per object when samples followed the bins.
     for (request, pointer) in [
         (histogram(0.0001, [25, 25, 16]), "/pose_prior/half_extent"),
         (histogram(0.0002, [90, 90, 12]), "/pose_prior/half_extent"),
@@ -52,7 +51,7 @@ async fn tables_that_would_take_too_much_are_refused_at_their_field() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn tables_are_shared_counted_and_make_room_for_others() {
+async fn tables_are_shared_counted_and_evicted() {
     let it = letters(40_000_000).await;
     let body = json!({"readings": [reading()]});
     let mut beliefs = Vec::new();
@@ -65,7 +64,7 @@ async fn tables_are_shared_counted_and_make_room_for_others() {
         bytes.push(belief_bytes(&it).await);
         assert!(bytes[bytes.len() - 1] <= 40_000_000, "{bytes:?}");
     }
-    // 4 MB an object: the second session of these bins adds its own memory alone.
+    // 4 MB per object: the second session of these bins adds its own memory alone.
     assert!(bytes[0] > 5_000_000 && bytes[1] < bytes[0] + 1_000_000, "{bytes:?}");
     assert!(bytes[2] > bytes[1] + 10_000_000, "{bytes:?}");
     for (session, belief) in beliefs {

@@ -1,4 +1,4 @@
-//! TLS end to end, with a certificate made here, and what is said of files that are wrong.
+//! Tests of TLS end to end, with a certificate made here, and of invalid files.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -10,7 +10,7 @@ use tempfile::TempDir;
 
 use crate::harness::config;
 
-/// A folder with a certificate of this machine's address, its key, and another key.
+/// A folder with a certificate for this machine's address, its key, and another key.
 struct Files {
     folder: TempDir,
     certificate_pem: String,
@@ -69,7 +69,7 @@ async fn a_server_with_a_certificate_speaks_tls_and_stops_gracefully() {
     let audit = client.get(format!("{address}/v1/audit")).send().await.unwrap();
     assert_eq!(audit.status(), 401);
 
-    // Neither who speaks plain HTTP nor who says nothing holds others up.
+    // Neither a plain HTTP client nor a silent one delays others.
     let plain = address.replace("https", "http");
     assert!(client.get(format!("{plain}/livez")).send().await.is_err());
     let silent = tokio::net::TcpStream::connect(server.local_addr()).await.unwrap();
@@ -77,7 +77,7 @@ async fn a_server_with_a_certificate_speaks_tls_and_stops_gracefully() {
     assert!(stranger.get(format!("{address}/livez")).send().await.is_err(), "nobody it trusts");
     assert_eq!(client.get(format!("{address}/livez")).send().await.unwrap().status(), 200);
 
-    // What is under way when the server stops is answered: a request whose body is still coming.
+    // Requests under way are answered when the server stops: this one's body is still coming.
     let (sender, receiver) = tokio::sync::mpsc::channel::<Result<Vec<u8>, std::io::Error>>(1);
     let body = reqwest::Body::wrap_stream(tokio_stream::wrappers::ReceiverStream::new(receiver));
     sender.send(Ok(b"{\"name\": ".to_vec())).await.unwrap();
@@ -102,7 +102,7 @@ async fn a_server_with_a_certificate_speaks_tls_and_stops_gracefully() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_new_certificate_is_shown_to_who_comes_next_and_a_broken_one_to_nobody() {
+async fn new_certificates_apply_to_new_clients_unless_invalid() {
     let (files, next, data) = (Files::make(), Files::make(), TempDir::new().unwrap());
     let mut config = config(data.path());
     config.tls = Some(files.pair("server.pem", "server.key"));
@@ -115,7 +115,7 @@ async fn a_new_certificate_is_shown_to_who_comes_next_and_a_broken_one_to_nobody
     for name in ["server.key", "server.pem"] {
         std::fs::copy(next.path(name), files.path(name)).unwrap();
     }
-    // A new client each time, as a connection keeps what it was shown.
+    // A new client each time, since a connection keeps its certificate.
     while next.client().get(&alive).send().await.is_err() {}
     assert!(files.client().get(&alive).send().await.is_err(), "the old one is shown no more");
     assert_eq!(open.get(&alive).send().await.unwrap().status(), 200, "who was there may stay");
@@ -127,7 +127,7 @@ async fn a_new_certificate_is_shown_to_who_comes_next_and_a_broken_one_to_nobody
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn files_that_are_wrong_are_named_with_what_is_wrong() {
+async fn invalid_files_are_named_with_their_fault() {
     let (files, data) = (Files::make(), TempDir::new().unwrap());
     let start = async |certificate: &str, key: &str| {
         let mut config = config(data.path());

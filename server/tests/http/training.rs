@@ -1,4 +1,4 @@
-//! Trainings: jobs, versions, the current one, and what a restart leaves of them.
+//! Tests of trainings: jobs, versions, the current one, and resumption after a restart.
 
 use reqwest::Method;
 use serde_json::{Value, json};
@@ -7,7 +7,7 @@ use crate::harness::{BAR, Harness, off_box, touches};
 use palpate_core::pose::Pose;
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_training_makes_a_version_with_a_report_and_a_history() {
+async fn a_training_creates_a_version_with_report_and_history() {
     let it = Harness::start().await;
     let job = it.train().await;
     assert_eq!(job["version"], 1);
@@ -58,7 +58,7 @@ async fn a_training_makes_a_version_with_a_report_and_a_history() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_map_of_an_object_lies_on_its_surface_and_comes_in_pages() {
+async fn an_objects_map_lies_on_its_surface_and_is_paged() {
     let it = Harness::trained().await;
     let report = it.get("/v1/catalogues/default/versions/1/report").await.expect(200);
     let known = report["objects"].as_array().unwrap().iter().find(|o| o["name"] == "bar").unwrap();
@@ -79,7 +79,7 @@ async fn the_map_of_an_object_lies_on_its_surface_and_comes_in_pages() {
         value.as_array().unwrap().iter().map(|number| number.as_f64().unwrap()).collect()
     };
     for patch in &patches {
-        // The covering is soft: a touch goes a little way into the surface.
+        // The covering is soft: a touch goes a little into the surface.
         let position = numbers(&patch["position"]);
         let inside = position.iter().zip(BAR).map(|(x, edge)| x.abs() - edge * 0.5e-3);
         let depth = inside.fold(f64::NEG_INFINITY, f64::max);
@@ -109,7 +109,7 @@ async fn the_map_of_an_object_lies_on_its_surface_and_comes_in_pages() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_version_is_trained_with_any_descriptor_of_one_feature_a_reading() {
+async fn versions_train_with_any_single_feature_descriptor() {
     let it = Harness::start().await;
     it.post("/v1/objects", &json!({"name": "bar"})).await.expect(201);
     it.put_mesh("bar", &off_box(BAR)).await.expect(200);
@@ -172,7 +172,7 @@ async fn jobs_can_be_cancelled_until_they_are_finished() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn more_trainings_than_the_queue_holds_are_sent_away() {
+async fn trainings_beyond_the_queue_are_refused() {
     let it = Harness::start_with(|config| config.training_queue_max = 1).await;
     it.post("/v1/objects", &json!({"name": "cube"})).await.expect(201);
     it.put_mesh("cube", &off_box([60.0, 50.0, 40.0])).await.expect(200);
@@ -185,7 +185,7 @@ async fn more_trainings_than_the_queue_holds_are_sent_away() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_training_that_a_stop_interrupts_is_done_after_the_restart() {
+async fn an_interrupted_training_is_done_after_the_restart() {
     let it = Harness::start().await;
     it.post("/v1/objects", &json!({"name": "cube"})).await.expect(201);
     it.put_mesh("cube", &off_box([60.0, 50.0, 40.0])).await.expect(200);
@@ -197,7 +197,7 @@ async fn a_training_that_a_stop_interrupts_is_done_after_the_restart() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_training_that_cannot_work_fails_with_a_reason() {
+async fn an_impossible_training_fails_with_a_reason() {
     let it = Harness::start().await;
     it.post("/v1/objects", &json!({"name": "speck"})).await.expect(201);
     it.put_mesh("speck", &off_box([0.01, 0.01, 0.01])).await.expect(200);

@@ -1,4 +1,4 @@
-//! What is accepted and probably a mistake is said: units, places, sizes, objects left out.
+//! Tests of warnings about probable mistakes: units, poses, sizes, objects left out.
 
 use palpate_core::pose::Pose;
 use reqwest::Method;
@@ -41,7 +41,7 @@ fn one(code: &str, pointer: &str) -> Vec<(String, String)> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn check_names_the_unit_that_was_probably_meant() {
+async fn check_names_the_probable_unit() {
     let it = Harness::start().await;
     let check = async |reading: &Value| {
         it.post("/v1/sensors/digitacts-6x6/check", reading).await.expect(200)
@@ -65,7 +65,7 @@ async fn check_names_the_unit_that_was_probably_meant() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn answers_to_readings_say_what_is_probably_wrong() {
+async fn answers_to_readings_warn_of_probable_mistakes() {
     let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}/readings?belief=none");
@@ -110,7 +110,7 @@ async fn train(it: &Harness, training: &Value) -> Value {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_bad_object_is_left_out_and_named_unless_the_training_is_strict() {
+async fn a_bad_object_is_left_out_unless_training_is_strict() {
     let it = Harness::start().await;
     for name in ["cube", "speck", "newtons", "wide"] {
         it.post("/v1/objects", &json!({"name": name})).await.expect(201);
@@ -155,14 +155,14 @@ async fn a_bad_object_is_left_out_and_named_unless_the_training_is_strict() {
     let reason = job["reason"].as_str().unwrap();
     let all = ["newtons", "digitacts-6x6", "N for each taxel"];
     assert!(all.iter().all(|word| reason.contains(word)), "{reason}");
-    // The one with the wide array is the only one that touched, and one touch is no map.
+    // The object with the wide array is the only one touched, and one touch is no map.
     let job = train(&it, &only).await;
     assert_eq!(job["state"], "failed", "{job}");
     assert!(job["reason"].as_str().unwrap().contains("2 objects"), "{job}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn sizes_that_cannot_be_are_among_the_warnings_of_a_training() {
+async fn implausible_sizes_give_training_warnings() {
     let it = Harness::start().await;
     for name in ["hall", "cube", "bar"] {
         it.post("/v1/objects", &json!({"name": name})).await.expect(201);

@@ -1,4 +1,4 @@
-//! Who wrote what: keys of readings, names of robots, numbers per key; and what a key may hold.
+//! Tests of authorship: keys of readings, names of robots, numbers per key, and limits of a key.
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
@@ -55,7 +55,7 @@ async fn a_robots_name_belongs_to_the_key_that_used_it_first() {
     let refused = lab.post(&b, "arm-A", 1).await;
     let problem = refused.problem(403, "forbidden", Some("/readings/0/robot"));
     assert!(problem["detail"].as_str().unwrap().contains("arm-A"), "{problem}");
-    // Its own next number is still its own.
+    // Its own next number stays valid.
     assert_eq!(lab.post(&a, "arm-A", 1).await.expect(200)["n_new"], 1);
     assert_eq!(lab.post(&b, "arm-B", 1).await.expect(200)["n_new"], 1);
     let found = lab.it.get("/v1/audit?ring=refused").await.expect(200)["items"].clone();
@@ -64,7 +64,7 @@ async fn a_robots_name_belongs_to_the_key_that_used_it_first() {
         (&json!("add_readings"), &json!("key-b"))
     );
 
-    // Over a restart too, and in another session.
+    // After a restart too, and in another session.
     lab.it = lab.it.restart().await;
     lab.session = lab.it.session(json!({})).await;
     lab.post(&b, "arm-A", 0).await.problem(403, "forbidden", Some("/readings/0/robot"));
@@ -86,7 +86,7 @@ async fn an_administrator_rebinds_and_releases_names() {
     let bound = lab.it.send(Method::PUT, "/v1/robots/arm-A", body.clone()).await.expect(200);
     assert_eq!(bound["holder"]["key_name"], "key-b");
     lab.post(&a, "arm-A", 1).await.problem(403, "forbidden", None);
-    // Numbers count per key: what the other one wrote takes none of its own.
+    // Numbers count per key: those of another key do not conflict.
     assert_eq!(lab.post(&b, "arm-A", 0).await.expect(200)["n_new"], 1);
     assert_eq!(lab.post(&b, "arm-A", 0).await.expect(200)["n_repeated"], 1);
 
@@ -108,7 +108,7 @@ async fn an_administrator_rebinds_and_releases_names() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn readings_withdrawals_and_leases_say_which_key_wrote_them() {
+async fn readings_retractions_and_leases_record_their_key() {
     let mut lab = Lab::new().await;
     let a = lab.it.new_key("key-a", "robot").await;
     lab.post(&a, "arm-A", 0).await.expect(200);
@@ -131,7 +131,7 @@ async fn readings_withdrawals_and_leases_say_which_key_wrote_them() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn without_keys_names_belong_to_nobody() {
+async fn without_keys_names_have_no_owner() {
     let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}/readings");
@@ -143,7 +143,7 @@ async fn without_keys_names_belong_to_nobody() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn one_key_leaves_open_sessions_to_others() {
+async fn one_key_cannot_take_all_open_sessions() {
     let mut it = Harness::trained_with(|config| {
         config.access = Access::Keys;
         config.sessions_open_max = 20;
@@ -159,7 +159,7 @@ async fn one_key_leaves_open_sessions_to_others() {
     assert!(refused.headers.contains_key("retry-after"));
     it.key = Some(other);
     it.session(json!({})).await;
-    // Over a restart they count to the same key.
+    // After a restart they count for the same key.
     let mut it = it
         .restart_with(|config| {
             config.access = Access::Keys;
@@ -171,13 +171,13 @@ async fn one_key_leaves_open_sessions_to_others() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_key_that_has_expired_stays_so_when_the_clock_is_set_back() {
+async fn an_expired_key_stays_expired_after_a_clock_step_back() {
     let it = Harness::guarded().await;
     let request = json!({"name": "arm", "role": "robot", "expires_in_s": 3600});
     let created = it.post("/v1/keys", &request).await.expect(201);
     let arm = created["secret"].as_str().unwrap().to_owned();
     it.send_as(Some(&arm), Method::GET, "/v1/whoami").await.expect(200);
-    // Two hours from now was seen before: so the clock was set back.
+    // Two hours from now was stored before: the clock was set back.
     let it = it
         .restart_after(|folder| {
             let engine = SledEngine::open(folder, &SledOptions::default()).unwrap();
@@ -196,7 +196,7 @@ async fn a_key_that_has_expired_stays_so_when_the_clock_is_set_back() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_key_in_a_path_is_neither_answered_nor_stored() {
+async fn a_key_in_a_path_is_neither_returned_nor_stored() {
     let it = Harness::guarded().await;
     let secret = it.new_key("arm", "robot").await;
     let proof = secret[41..].to_owned();
@@ -246,7 +246,7 @@ async fn texts_with_control_characters_are_refused_at_the_field() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_open_server_in_a_network_answers_to_its_own_names_only() {
+async fn an_open_server_accepts_only_its_own_host_names() {
     let it = Harness::start_with(|config| {
         config.listen = SocketAddr::from((Ipv4Addr::UNSPECIFIED, 0));
         config.insecure_bind = true;

@@ -1,11 +1,11 @@
-//! Errors in words that a client's author knows, and answers to small slips.
+//! Tests of error messages in a client author's terms, and of hints for small mistakes.
 
 use reqwest::Method;
 use serde_json::{Value, json};
 
 use crate::harness::{CUBE, Harness, off_box, quiet_reading, read};
 
-/// What a 422 says of a field.
+/// The detail of a field's error in a 422.
 fn detail(problem: &Value, pointer: &str) -> String {
     let errors = problem["errors"].as_array().unwrap();
     let named = errors.iter().find(|error| error["pointer"] == pointer);
@@ -13,7 +13,7 @@ fn detail(problem: &Value, pointer: &str) -> String {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn wrong_types_are_named_as_json_names_them() {
+async fn wrong_types_are_named_in_json_terms() {
     let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}/readings");
@@ -45,7 +45,7 @@ async fn wrong_types_are_named_as_json_names_them() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_number_that_two_readings_of_a_request_share_is_named() {
+async fn a_number_shared_by_two_readings_is_named() {
     let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let reading = |seq: u64, z: f64| {
@@ -69,7 +69,7 @@ async fn a_number_that_two_readings_of_a_request_share_is_named() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn meshes_have_four_units_and_say_their_format() {
+async fn meshes_accept_four_units_and_report_their_format() {
     let it = Harness::start().await;
     it.post("/v1/objects", &json!({"name": "mug"})).await.expect(201);
     let file = || off_box(CUBE).into_bytes();
@@ -92,7 +92,7 @@ async fn meshes_have_four_units_and_say_their_format() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn small_slips_get_a_hint() {
+async fn small_mistakes_get_a_hint() {
     let it = Harness::start().await;
     let request = it.client.post(it.url("/v1/objects")).header("content-encoding", "gzip");
     let request = request.header("content-type", "application/json").body(vec![0x1f, 0x8b, 8, 0]);
@@ -114,7 +114,7 @@ async fn small_slips_get_a_hint() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_description_is_sent_once() {
+async fn the_description_is_sent_only_when_changed() {
     let it = Harness::start().await;
     let first = it.get("/openapi.json").await;
     first.expect(200);

@@ -15,7 +15,7 @@ use crate::key::{self, Space};
 pub(super) struct Relations {
     /// Lengths of journals by the letter of their entries and owner.
     heads: BTreeMap<(u8, Uuid), u64>,
-    /// How many entries of a session its head counts as withdrawn.
+    /// Number of entries of a session that its head counts as withdrawn.
     n_retracted: BTreeMap<Uuid, u64>,
     /// Number of entries without a gap.
     entries: BTreeMap<(u8, Uuid), u64>,

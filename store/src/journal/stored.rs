@@ -38,7 +38,7 @@ pub(crate) enum StoredHead {
 }
 
 impl StoredHead {
-    /// How many entries the journal has.
+    /// Number of entries of the journal.
     pub(crate) fn length(&self) -> u64 {
         match self {
             Self::Whole(head) => head.length,
@@ -71,13 +71,13 @@ impl Record for StoredHead {
     }
 }
 
-/// Where in a journal a robot's number is.
+/// Position in a journal of a robot's reading number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub(crate) struct JournalRobotV1 {
     pub(crate) seq: u64,
 }
 
-/// Which entry of a journal withdraws another one.
+/// The journal entry that withdraws another one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub(crate) struct JournalRetractionV1 {
     pub(crate) seq: u64,

@@ -1,4 +1,4 @@
-//! What is known of a mesh, as it is stored.
+//! The stored form of a mesh's metadata.
 
 use bincode::{Decode, Encode};
 use uuid::Uuid;

@@ -36,7 +36,7 @@ pub(super) struct Base {
     file: File,
     path: PathBuf,
     blocks: Vec<Block>,
-    /// What its footer says that it holds.
+    /// Contents according to its footer.
     contents: Contents,
 }
 
@@ -93,7 +93,7 @@ impl BaseWriter {
         if self.block.len() >= BLOCK_BYTES { self.end_block() } else { Ok(()) }
     }
 
-    /// What was put so far.
+    /// The pairs written so far.
     pub(super) fn contents(&self) -> Contents {
         self.contents
     }
@@ -173,12 +173,12 @@ impl Base {
         Ok(Self { file, path: path.to_owned(), blocks, contents })
     }
 
-    /// What it holds, as was summed up when it was written.
+    /// The contents, as counted when it was written.
     pub(super) fn contents(&self) -> Contents {
         self.contents
     }
 
-    /// How many blocks it has.
+    /// Number of blocks.
     pub(super) fn n_blocks(&self) -> usize {
         self.blocks.len()
     }
@@ -324,7 +324,7 @@ fn blocks(mut index: &[u8]) -> Option<Vec<Block>> {
     Some(blocks)
 }
 
-/// What is in a block, if its checksum says so.
+/// The content of a block with a valid checksum.
 fn split_block(bytes: &[u8]) -> Option<&[u8]> {
     let (pairs, checksum) = bytes.split_last_chunk::<CHECKSUM_BYTES>()?;
     (crc32fast::hash(pairs).to_le_bytes() == *checksum).then_some(pairs)

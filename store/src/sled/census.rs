@@ -15,10 +15,10 @@ use super::levels::{Layer, Levels};
 use super::tally::{Contents, TALLY_KEY};
 use crate::engine::EngineError;
 
-/// How many threads read.
+/// Maximum number of reading threads.
 const THREADS_MAX: usize = 8;
-/// Into how many parts the keys of one space are cut, in each sled. Chosen: parts of one size in
-/// time have different sizes in bytes, and threads that are done take another.
+/// Number of parts into which the keys of one space are cut, in each sled. Chosen: parts of
+/// equal time have different sizes in bytes, and idle threads take another.
 const PARTS: u64 = 32;
 /// Blocks of a base that are checked at once, about a megabyte.
 const BLOCKS: usize = 128;
@@ -59,7 +59,7 @@ pub(super) fn take(levels: &Levels) -> Result<Contents, EngineError> {
     })
 }
 
-/// What a part of the sleds changes of the base; of its blocks nothing but that they are whole.
+/// The changes that a part of the sleds makes to the base; for its blocks only the check.
 fn read(levels: &Levels, part: &Part) -> ::sled::Result<Contents> {
     let base = levels.base.as_deref();
     let mut found = Contents::default();
@@ -124,7 +124,7 @@ fn layer_cuts(layer: &Layer) -> ::sled::Result<Vec<Vec<u8>>> {
     Ok(cuts)
 }
 
-/// Where a key lies in its space: the eight bytes behind its letter.
+/// Position of a key in its space: the eight bytes after its letter.
 fn place(key: &[u8]) -> u64 {
     let mut bytes = [0; 8];
     let found = key.get(1..).unwrap_or_default();

@@ -1,4 +1,4 @@
-//! What each API key holds of what is stored, and that a quota bounds it.
+//! Tests of holdings: the stored bytes of each API key, and the quota that limits them.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
@@ -22,7 +22,7 @@ use crate::samples::{
 const ARM: Uuid = Uuid::from_u128(1);
 const TRAINER: Uuid = Uuid::from_u128(2);
 
-/// A database whose commits count to the account that [`Desk::writes`] names.
+/// A database whose commits count towards the account that [`Desk::writes`] names.
 struct Desk {
     database: Database,
     account: Arc<Mutex<Option<Account>>>,
@@ -69,7 +69,7 @@ fn live_bytes(desk: &Desk) -> u64 {
 }
 
 #[test]
-fn every_stored_byte_counts_to_the_key_that_wrote_it() {
+fn every_stored_byte_counts_towards_its_writers_key() {
     check(|desk| {
         let before = live_bytes(desk);
         desk.writes(TRAINER, None);
@@ -90,7 +90,7 @@ fn every_stored_byte_counts_to_the_key_that_wrote_it() {
 }
 
 #[test]
-fn what_is_removed_counts_to_nobody_any_more() {
+fn removed_bytes_count_towards_no_key() {
     check(|desk| {
         desk.writes(TRAINER, None);
         samples::fill(&desk.database);
@@ -120,7 +120,7 @@ fn what_is_removed_counts_to_nobody_any_more() {
 }
 
 #[test]
-fn a_quota_refuses_what_does_not_fit_and_nothing_else() {
+fn a_quota_refuses_only_writes_that_do_not_fit() {
     check(|desk| {
         desk.writes(ARM, Some(3_000));
         let id = Uuid::from_u128(50);
@@ -188,7 +188,7 @@ fn holdings_are_the_same_after_a_restart_and_a_compaction() {
 }
 
 #[test]
-fn fsck_collects_holdings_whose_thing_is_gone() {
+fn fsck_collects_holdings_of_removed_things() {
     let engine: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
     let desk = Desk::new(Arc::clone(&engine));
     desk.writes(TRAINER, None);

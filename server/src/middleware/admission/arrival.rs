@@ -1,4 +1,4 @@
-//! A body on its way in: counted as it arrives, complete before its request is worked on.
+//! Incoming bodies: counted as they arrive, complete before the request is handled.
 
 use std::time::Duration;
 
@@ -13,20 +13,20 @@ use crate::budget::{Budget, Holding, Over};
 use crate::client::Client;
 use crate::refusal::Refusal;
 
-/// A body that is too long is read on and thrown away up to this many times its limit, so that
-/// the robot, still sending, gets to read the answer.
+/// Multiple of its limit up to which a too long body is read and discarded, so that the
+/// robot, still sending, gets to read the answer.
 const DRAIN_FACTOR: usize = 4;
 
-/// The time that a body has.
+/// Time limits of a body.
 #[derive(Clone, Copy)]
 struct Time {
-    /// For all of it.
+    /// For the whole body.
     whole: Duration,
     /// Between two pieces.
     pause: Duration,
 }
 
-/// The request with its whole body, and the room that the body has.
+/// The request with its complete body, and the memory reserved for the body.
 pub(super) async fn receive(
     app: &App,
     request: Request,
@@ -46,7 +46,7 @@ pub(super) async fn receive(
     Ok((Request::from_parts(parts, Body::from(bytes)), room))
 }
 
-/// Whether a body is JSON or MessagePack: these have a limit of their own.
+/// Whether a body is JSON or MessagePack, which have their own limit.
 fn content_type_is_structured(request: &Request) -> bool {
     let value = request.headers().get(header::CONTENT_TYPE);
     let value = value.and_then(|value| value.to_str().ok()).unwrap_or_default();

@@ -1,4 +1,4 @@
-//! An answer on its way out: its bytes are counted until the last one was handed to the system.
+//! Outgoing answers: bytes are counted until the last one is passed to the system.
 
 use std::pin::Pin;
 use std::sync::Arc;
@@ -13,12 +13,12 @@ use crate::budget::{Budget, Holding, Over};
 use crate::client::Client;
 use crate::refusal::Refusal;
 
-/// A piece of an answer that is handed on at once. The connection asks for the next one when it
-/// has sent nearly all before it, so at most a few pieces are counted no more and still wait.
+/// Largest piece of an answer that is passed on at once. The connection requests the next one
+/// when it has sent nearly all before it, so at most a few pieces wait uncounted.
 const PIECE_BYTES: usize = 64 << 10;
 
-/// The answer with its bytes counted, or a refusal when unread answers leave no room for it.
-/// Event streams have a budget of their own, no length and no [`InMemory`].
+/// The answer with its bytes counted, or a refusal when unread answers leave no space for it.
+/// Event streams have their own budget, no length and no [`InMemory`].
 pub(super) fn count(answers: &Arc<Budget>, client: Option<Client>, answer: Response) -> Response {
     let whole = || usize::try_from(answer.body().size_hint().exact()?).ok();
     let in_memory = answer.extensions().get().map(|InMemory(bytes)| *bytes);
@@ -27,7 +27,7 @@ pub(super) fn count(answers: &Arc<Budget>, client: Option<Client>, answer: Respo
         Ok(holding) if bytes > PIECE_BYTES => {
             answer.map(|body| Body::new(Counted { body, rest: Bytes::new(), _holding: holding }))
         }
-        // What the connection sends in one piece needs no watch.
+        // An answer that the connection sends in one piece needs no counting.
         Ok(_) => answer,
         Err(Over::Total) => {
             Refusal::AnswersFull { used: answers.used(), max: answers.total() }.into_response()
@@ -39,7 +39,7 @@ pub(super) fn count(answers: &Arc<Budget>, client: Option<Client>, answer: Respo
 /// A long body in pieces, with its part of the budget.
 struct Counted {
     body: Body,
-    /// What came of the body and was not handed on.
+    /// The part of the body that was not passed on.
     rest: Bytes,
     _holding: Holding,
 }

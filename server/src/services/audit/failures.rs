@@ -1,7 +1,7 @@
-//! How often the changes of one key may fail: enough for mistakes, too few to be a weapon.
+//! Limit on the failing changes of one key: enough for mistakes, too few for an attack.
 //!
-//! A bucket for each key that fills with failures and drains evenly; a key whose bucket is full
-//! is asked to wait. Changes that succeed cost nothing.
+//! A bucket for each key fills with failures and drains evenly; a key with a full bucket has
+//! to wait. Successful changes cost nothing.
 
 use std::collections::HashMap;
 use std::num::NonZeroU32;
@@ -12,7 +12,7 @@ use uuid::Uuid;
 
 use crate::limits::Bound;
 
-/// This many keys are remembered before those are forgotten whose buckets are empty.
+/// Number of remembered keys above which those with empty buckets are forgotten.
 const KEYS_REMEMBERED: usize = 1000;
 /// The time in which a full bucket drains.
 const WINDOW: Duration = Duration::from_secs(60);
@@ -35,7 +35,7 @@ impl Failures {
         Self { per_minute, buckets: Mutex::default() }
     }
 
-    /// Whether a key may try another change; if not, how long it has to wait.
+    /// Whether a key may try another change; if not, the time it has to wait.
     pub(crate) fn check(&self, key: Uuid, now: Instant) -> Result<(), Duration> {
         let level = self.buckets().get(&key).map_or(0.0, |bucket| self.level(*bucket, now));
         let above = level + 1.0 - f64::from(self.per_minute.get());
@@ -52,7 +52,7 @@ impl Failures {
         *bucket = Bucket { level: self.level(*bucket, now) + 1.0, at: now };
     }
 
-    /// The bound, as a key is told that has to wait.
+    /// The limit, as reported to a key that has to wait.
     pub(crate) fn bound(&self, wait: Duration) -> Bound {
         Bound {
             name: "failed-changes",
@@ -69,7 +69,7 @@ impl Failures {
         (bucket.level - elapsed * self.drain() / WINDOW.as_secs_f64()).max(0.0)
     }
 
-    /// How much drains within [`WINDOW`].
+    /// Amount drained within [`WINDOW`].
     fn drain(&self) -> f64 {
         f64::from(self.per_minute.get())
     }
@@ -84,7 +84,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_key_waits_when_too_much_failed_and_another_one_does_not() {
+    fn only_a_key_with_too_many_failures_waits() {
         let failures = Failures::new(NonZeroU32::new(60).unwrap());
         let (now, [a, b]) = (Instant::now(), [1, 2].map(Uuid::from_u128));
         for _ in 0..60 {

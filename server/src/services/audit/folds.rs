@@ -1,7 +1,7 @@
-//! Repetitions in the audit log: the same request with the same outcome again is counted in the
-//! entry of the first one, for an hour.
+//! Repetitions in the audit log: equal requests with equal outcomes are counted in one entry
+//! for an hour.
 //!
-//! Counts are kept in memory and stored by [`super::Audit::store`] now and then, so that
+//! Counts are kept in memory and stored by [`super::Audit::store`] periodically, so that
 //! repetitions cost no writes of their own.
 
 use std::collections::HashMap;
@@ -10,22 +10,22 @@ use palpate_store::audit::AuditEntry;
 
 use crate::client::Client;
 
-/// How long an entry takes repetitions, in milliseconds from its first request.
+/// Time in which an entry collects repetitions, in milliseconds from its first request.
 pub(super) const FOLD_MS: u64 = 3_600_000;
-/// More entries than this take none; those without news are forgotten.
+/// Maximum number of collecting entries; unchanged ones are forgotten above it.
 const FOLDS_MAX: usize = 100_000;
 
-/// What requests that are told by one entry have in common.
+/// The properties that requests counted in one entry share.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Alike {
     pub(super) client: Option<Client>,
     pub(super) operation: &'static str,
     pub(super) status: u16,
-    /// The path, where it tells requests apart.
+    /// The path, if it distinguishes requests.
     pub(super) resource: Option<String>,
 }
 
-/// Entries that take repetitions.
+/// Entries that collect repetitions.
 #[derive(Debug, Default)]
 pub(super) struct Folds(HashMap<Alike, Fold>);
 
@@ -36,7 +36,7 @@ struct Fold {
 }
 
 impl Folds {
-    /// Counts a request in the entry of those before it; `false` when there is none.
+    /// Counts a request in the entry of its repetitions; `false` when there is none.
     pub(super) fn again(&mut self, alike: &Alike, now_ms: u64) -> bool {
         let Some(fold) = self.0.get_mut(alike).filter(|fold| takes(&fold.entry, now_ms)) else {
             return false;
@@ -47,7 +47,7 @@ impl Folds {
         true
     }
 
-    /// Notes an entry that was just stored.
+    /// Registers an entry that was just stored.
     pub(super) fn first(&mut self, alike: Alike, entry: AuditEntry) {
         if self.0.len() >= FOLDS_MAX {
             self.0.retain(|_, fold| fold.has_news);
@@ -57,7 +57,7 @@ impl Folds {
         }
     }
 
-    /// The entries whose counts are not stored yet. Those that take no more are forgotten.
+    /// The entries with unsaved counts. Those that no longer collect are forgotten.
     pub(super) fn news(&mut self, now_ms: u64) -> Vec<AuditEntry> {
         let news = self
             .0

@@ -1,4 +1,4 @@
-//! What held-back readings say of a version's appearance.
+//! Reports on a version's appearance, from held-out readings.
 
 use palpate_schemas as wire;
 use palpate_store::model_codec::{APPEARANCE_BLOCK, ModelPart};

@@ -1,8 +1,8 @@
-//! Models in memory: of a version the part that a session's method needs, under a budget.
+//! Loading of models: the part of a version that a session's method needs, within a memory budget.
 //!
 //! Parts are read from the store when a session first needs them and shared by all sessions
-//! that pin the version. Trainings and merges read whole versions for the time that they
-//! take: these are not kept, and the budget does not know them.
+//! of the version. Trainings and merges read whole versions for themselves: these are not
+//! kept, and not counted in the budget.
 
 use std::sync::Arc;
 
@@ -24,7 +24,7 @@ use crate::model::{Model, NoPart, part_name};
 use crate::refusal::Refusal;
 use crate::wire::count;
 
-/// A surface in memory has so many times the bytes of its block, where no report says more.
+/// Ratio of a surface's size in memory to its block's, unless a report states the size.
 const SURFACE_GROWTH: u64 = 16;
 
 /// A part of a version.
@@ -42,8 +42,8 @@ impl Catalogues {
         if let Some(model) = self.memory.get(&key) {
             return Ok(model);
         }
-        // One at a time: many sessions may want the same model at once, and there may be room
-        // for one of several.
+        // One at a time: many sessions may need the same model at once, and there may be
+        // space for one of several.
         let _loading = self.loading.lock().await;
         if let Some(model) = self.memory.get(&key) {
             return Ok(model);
@@ -125,8 +125,8 @@ impl Catalogues {
     }
 }
 
-/// How much memory a part will take: what its blocks hold, and of surfaces what was reported
-/// when they were learnt, since their tables are built when they are read.
+/// Expected memory of a part: the size of its blocks; for surfaces the size reported by their
+/// training, since their tables are built when they are read.
 fn bytes_expected(manifest: &Manifest, part: ModelPart) -> u64 {
     let blocks = manifest.blocks.iter().filter(|block| part.needs(&block.name));
     let stored: u64 = blocks.map(|block| block.length).sum();
@@ -139,7 +139,7 @@ fn bytes_expected(manifest: &Manifest, part: ModelPart) -> u64 {
     }
 }
 
-/// How much memory the surfaces take that were read; other parts take what was expected.
+/// Actual memory of the surfaces that were read; `None` for other parts.
 fn bytes_found(core: &TrainedModel) -> Option<u64> {
     core.surface.as_ref().map(|surface| surface.bytes() as u64)
 }
@@ -171,8 +171,7 @@ fn prepared_part(
     Ok(Model { catalogue, name, version, core, objects, origins_in_model, symmetries, prepared })
 }
 
-/// Where the objects' frames have their origins in the frames that they were taught in, metres:
-/// what the version's report says of each.
+/// Origins of the objects' frames in their training frames, metres, from the version's report.
 fn origins_in_model(manifest: &Manifest) -> Result<Arc<[DVec3]>, StoreError> {
     let reports = parameters_of(manifest).map(|known| known.report.objects).unwrap_or_default();
     let origin = |object: &VersionObject| {

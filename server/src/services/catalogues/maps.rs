@@ -1,7 +1,7 @@
 //! Trained maps of contact: shown, exported, and merged with those of other robots.
 //!
-//! A merged version is the first one with other evidence: equal object frames are assumed
-//! nowhere, both maps are brought to the frame of the training readings or the mesh.
+//! A merged version is the first one with additional evidence. Object frames are not assumed
+//! to be equal: both maps are moved to the frame of the training readings or the mesh.
 
 use std::sync::Arc;
 
@@ -22,11 +22,11 @@ use crate::compute::Pool;
 use crate::refusal::Refusal;
 use crate::wire::{geometry, training};
 
-/// About how many pixels the longer side of an image has.
+/// Approximate length of an image's longer side, in pixels.
 const PNG_PIXELS: usize = 600;
-/// The most pixels along a cell.
+/// Maximum number of pixels along a cell.
 const CELL_PIXELS_MAX: usize = 16;
-/// From which probability on a cell is exported as occupied: more than a hair's evidence.
+/// Probability from which a cell is exported as occupied.
 const OCCUPIED: f64 = 0.75;
 
 /// The geometry of one object of a version.
@@ -37,7 +37,7 @@ pub(crate) struct Mapped {
 }
 
 impl Mapped {
-    /// Names the version: maps of a version never change.
+    /// Tag of the version: maps of a version never change.
     pub(crate) fn tag(&self) -> String {
         format!("\"{}-{}\"", self.model.catalogue.simple(), self.model.version)
     }
@@ -46,7 +46,7 @@ impl Mapped {
         Ok(geometry::occupancy_map(&self.model.objects[self.place], &self.map, slice)?)
     }
 
-    /// A layer of cells as a PNG; the one in the middle if none is named.
+    /// A layer of cells as a PNG; the middle one unless named.
     pub(crate) async fn png(&self, pool: &Pool, slice: Option<u32>) -> Result<Vec<u8>, Refusal> {
         let [x, y, n_slices] = self.map.occupancy.shape().n();
         let slice = match slice {
@@ -77,7 +77,7 @@ impl Mapped {
 }
 
 impl Catalogues {
-    /// The geometry of one object, all as a path names them.
+    /// The geometry of one object, by the segments of a path.
     pub(crate) async fn mapped(
         &self,
         name: &str,
@@ -89,7 +89,7 @@ impl Catalogues {
         Ok(Mapped { model, map, place })
     }
 
-    /// Makes a version of `name` whose maps of contact hold another version's evidence too.
+    /// Creates a version of `name` whose maps of contact include another version's evidence.
     pub(crate) async fn merge(
         &self,
         name: &str,
@@ -140,8 +140,8 @@ fn reference(model: &Model) -> wire::VersionReference {
     wire::VersionReference { catalogue: model.name.clone(), version: model.version }
 }
 
-/// The geometry of `ours` with the evidence of `theirs`. Objects that `theirs` does not know
-/// keep their maps.
+/// The geometry of `ours` with the evidence of `theirs`. Objects missing in `theirs` keep
+/// their maps.
 fn merge(ours: &Model, theirs: &Model, stop: &Stop) -> Result<GeometricModel, Refusal> {
     let (our_geometry, their_geometry) = (ours.geometric()?, theirs.geometric()?);
     let mut n_shared = 0;

@@ -1,12 +1,12 @@
-//! What is kept in memory under a budget: what was not used for longest leaves first.
+//! A cache with a byte budget that evicts the least recently used values.
 //!
-//! A value that somebody else holds stays, whatever the budget says: asking for room then
-//! fails, and nothing is added. So the bytes never exceed the budget.
+//! A value in use is never evicted: a request for space then fails, and nothing is added. So
+//! the bytes never exceed the budget.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Values by key, at most so many bytes of them together.
+/// Values by key, within a byte budget.
 pub(super) struct Memory<K, V> {
     budget: u64,
     kept: Mutex<Kept<K, V>>,
@@ -23,17 +23,17 @@ struct Entry<V> {
     last_use: u64,
 }
 
-/// Why there is no room.
+/// Reason of a failed request for space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum NoRoom {
-    /// The value does not fit by itself.
+    /// The value alone exceeds the budget.
     TooLarge,
-    /// What others hold takes too much: so many bytes.
+    /// The values in use take this many bytes.
     InUse { bytes: u64 },
 }
 
 impl<K: Copy + Ord, V> Memory<K, V> {
-    /// Nothing yet; `budget` in bytes.
+    /// An empty cache; `budget` in bytes.
     pub(super) fn new(budget: u64) -> Self {
         Self { budget, kept: Mutex::new(Kept { entries: BTreeMap::new(), uses: 0 }) }
     }
@@ -42,7 +42,7 @@ impl<K: Copy + Ord, V> Memory<K, V> {
         self.budget
     }
 
-    /// The value of a key, which counts as used now.
+    /// The value of a key, which becomes the most recently used.
     pub(super) fn get(&self, key: &K) -> Option<Arc<V>> {
         let mut kept = self.lock();
         kept.uses += 1;
@@ -52,12 +52,12 @@ impl<K: Copy + Ord, V> Memory<K, V> {
         Some(Arc::clone(&entry.value))
     }
 
-    /// Makes room for so many bytes; when that cannot be, everything stays.
+    /// Frees `bytes`, or nothing if that is impossible.
     pub(super) fn make_room(&self, bytes: u64) -> Result<(), NoRoom> {
         self.lock().make_room(bytes, self.budget)
     }
 
-    /// Keeps a value of so many bytes, if there is room or can be made.
+    /// Adds a value of `bytes`, if there is or can be made space.
     pub(super) fn keep(&self, key: K, value: V, bytes: u64) -> Result<Arc<V>, NoRoom> {
         let mut kept = self.lock();
         kept.make_room(bytes, self.budget)?;
@@ -68,7 +68,7 @@ impl<K: Copy + Ord, V> Memory<K, V> {
         Ok(value)
     }
 
-    /// The bytes of the values whose keys are asked for.
+    /// The total bytes of the values whose keys satisfy `counts`.
     pub(super) fn bytes(&self, counts: impl Fn(&K) -> bool) -> u64 {
         let kept = self.lock();
         kept.entries.iter().filter(|(key, _)| counts(key)).map(|(_, entry)| entry.bytes).sum()
@@ -86,7 +86,7 @@ impl<K: Copy + Ord, V> Kept<K, V> {
         }
         let total: u64 = self.entries.values().map(|entry| entry.bytes).sum();
         let mut surplus = (total + bytes).saturating_sub(budget);
-        // Nobody can take up a value in between: that needs the lock.
+        // No value can be taken in between: that needs the lock.
         let is_free = |entry: &Entry<V>| Arc::strong_count(&entry.value) == 1;
         let mut free: Vec<(u64, K, u64)> = self
             .entries
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_not_used_for_longest_leaves_and_no_more_than_must() {
+    fn only_the_least_recently_used_values_are_evicted() {
         let memory = two();
         memory.keep('c', 'c', 20).unwrap();
         assert_eq!(memory.bytes(|_| true), 100, "all fit");
@@ -136,14 +136,14 @@ mod tests {
     }
 
     #[test]
-    fn what_is_in_use_stays_and_nothing_is_added_then() {
+    fn values_in_use_stay_and_nothing_is_added() {
         let memory = two();
         let (a, b) = (memory.get(&'a').unwrap(), memory.get(&'b').unwrap());
         assert_eq!(memory.keep('c', 'c', 21), Err(NoRoom::InUse { bytes: 80 }));
         assert_eq!(memory.make_room(101), Err(NoRoom::TooLarge));
         assert_eq!(memory.bytes(|_| true), 80);
         drop(a);
-        // 40 in use and 61 are too many: the free one stays as well.
+        // 40 in use and 61 are too many: the unused value stays as well.
         assert_eq!(memory.keep('c', 'c', 61), Err(NoRoom::InUse { bytes: 40 }));
         assert_eq!(memory.bytes(|_| true), 80);
         assert_eq!(memory.keep('c', 'c', 60).as_deref(), Ok(&'c'));

@@ -1,9 +1,9 @@
-//! Removing versions and catalogues that nothing needs.
+//! Removal of unneeded versions and catalogues.
 //!
 //! A version is needed while it is current, while a session that began with it is kept (its
-//! belief must be replayed), and while an unfinished training extends it. What is about to use a
-//! version holds `using` for reading from the look-up until its record is stored; removal holds
-//! it for writing, so that nothing begins to need what goes.
+//! belief must be replayable), and while an unfinished training extends it. An operation that
+//! starts to use a version read-locks `using` from the look-up until its record is stored; a
+//! removal write-locks it, so that no operation starts to need the removed version.
 
 use palpate_schemas::StartTraining;
 use palpate_store::catalogue::Catalogue;
@@ -13,12 +13,12 @@ use super::{Catalogues, number};
 use crate::refusal::Refusal;
 
 impl Catalogues {
-    /// Held while something begins to need a version.
+    /// Read-locked while an operation starts to need a version.
     pub(crate) async fn using(&self) -> tokio::sync::RwLockReadGuard<'_, ()> {
         self.using.read().await
     }
 
-    /// Removes a version that nothing needs.
+    /// Removes a version that is not needed.
     pub(crate) async fn remove_version(&self, name: &str, version: &str) -> Result<(), Refusal> {
         let (_alone, _publishing) = (self.using.write().await, self.publishing.lock().await);
         let catalogue = self.find(name)?;
@@ -35,7 +35,7 @@ impl Catalogues {
         Ok(())
     }
 
-    /// Removes a catalogue that nothing needs, with all its versions.
+    /// Removes a catalogue that is not needed, with all its versions.
     pub(crate) async fn remove(&self, name: &str) -> Result<(), Refusal> {
         let (_alone, _publishing) = (self.using.write().await, self.publishing.lock().await);
         let catalogue = self.find(name)?;
@@ -47,7 +47,7 @@ impl Catalogues {
         Ok(())
     }
 
-    /// Refuses while sessions or trainings need a version, or any of a catalogue.
+    /// Refuses if sessions or trainings need a version, or any version of a catalogue.
     fn expect_unused(
         &self,
         what: &str,
@@ -92,5 +92,5 @@ impl Catalogues {
     }
 }
 
-/// How many sessions are read at once.
+/// Number of sessions per read.
 const SESSIONS_PER_PAGE: usize = 256;

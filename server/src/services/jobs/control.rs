@@ -1,4 +1,4 @@
-//! An unfinished job between those who follow or cancel it and the threads that train.
+//! An unfinished job, shared by its followers and the training threads.
 
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicU8, Ordering};
@@ -11,16 +11,16 @@ use tokio::sync::watch;
 
 use crate::wire::count;
 
-/// Followers hear at most this often how far a job is.
+/// Minimum interval of progress events.
 const PROGRESS_INTERVAL: Duration = Duration::from_millis(100);
-/// What the running training is told: go on, stop for good, stop until the next start, or stop
-/// because its time is up.
+/// Order to the running training: continue, stop for good, stop until the next start, or stop
+/// at the time limit.
 const GO_ON: u8 = 0;
 pub(super) const CANCEL: u8 = 1;
 pub(super) const SUSPEND: u8 = 2;
 pub(super) const OVERDUE: u8 = 3;
 
-/// An unfinished job: what it is told, and what it tells.
+/// An unfinished job: its order and its progress.
 pub(super) struct Control {
     order: AtomicU8,
     pub(super) job: watch::Sender<wire::Job>,
@@ -46,12 +46,12 @@ impl Control {
         let _ = self.ends.set(Instant::now() + within);
     }
 
-    /// Tells the training what to do at its next step.
+    /// Sets the order for the training's next step.
     pub(super) fn order(&self, order: u8) {
         self.order.store(order, Ordering::Relaxed);
     }
 
-    /// Whether its followers were told its end.
+    /// Whether its followers know its end.
     pub(super) fn is_over(&self) -> bool {
         let state = self.job.borrow().state;
         !matches!(state, wire::JobState::Queued | wire::JobState::Running)
@@ -61,7 +61,7 @@ impl Control {
         self.order.load(Ordering::Relaxed) == order
     }
 
-    /// Tells the followers how far the job is, and the job whether to go on.
+    /// Reports progress to the followers, and returns whether to continue.
     pub(super) fn tell(&self, stage: JobStage, done: usize, total: usize) -> ControlFlow<()> {
         if self.ends.get().is_some_and(|ends| Instant::now() >= *ends) && self.is_ordered(GO_ON) {
             self.order(OVERDUE);

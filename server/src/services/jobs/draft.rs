@@ -1,4 +1,4 @@
-//! What a training came to, as a version that is to be stored: objects, blocks and the report.
+//! Results of a training as a version to store: objects, blocks and the report.
 
 use std::time::Duration;
 
@@ -53,7 +53,7 @@ pub(super) fn draft(
     }
 }
 
-/// What was learnt of appearance, in short.
+/// Summary of the learnt appearance.
 fn appearance_summary(
     model: &TrainedModel,
     objects: &[VersionObject],

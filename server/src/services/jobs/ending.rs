@@ -1,7 +1,8 @@
-//! The end of a job: stored, then told; told first when the disk is too full to store it.
+//! The end of a job: stored, then published; published first when the disk is too full to
+//! store it.
 //!
-//! Nobody waits for ever for a job whose end cannot be stored: followers hear it at once, and
-//! it is stored when there is room. A restart before that takes the job for interrupted.
+//! No follower waits for ever for such an end: it is published at once, and stored when there
+//! is space. A restart before that counts the job as interrupted.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -15,10 +16,10 @@ use crate::clock::now_ms;
 use crate::refusal::Refusal;
 use crate::wire::training::job as shown;
 
-/// The pause before an end is tried to be stored again.
+/// Pause before another attempt to store an end.
 const PAUSE: Duration = Duration::from_secs(1);
 
-/// How a job ended.
+/// Result of a job.
 #[derive(Clone, Debug)]
 pub(super) struct Ending {
     id: Uuid,
@@ -47,7 +48,7 @@ impl Ending {
 }
 
 impl Jobs {
-    /// Stores a job's end and tells it.
+    /// Stores a job's end and publishes it.
     pub(super) async fn end(self: &Arc<Self>, ending: Ending, stopping: &watch::Receiver<bool>) {
         let id = ending.id;
         match self.store_end(&ending).await {
@@ -61,7 +62,7 @@ impl Jobs {
         }
     }
 
-    /// Tells the followers how a job ended that is not stored as ended yet.
+    /// Publishes the end of a job that is not stored yet.
     fn tell_end(&self, ending: &Ending) {
         let (Some(control), Ok(Some(mut job))) =
             (self.control(ending.id), self.store.jobs().find(ending.id))

@@ -1,4 +1,4 @@
-//! From a request to what is trained: checked when it comes, looked up when it is its turn.
+//! Plans of trainings: the request is checked on arrival, and its names are looked up at its turn.
 
 use palpate_schemas::StartTraining;
 use palpate_store::catalogue::{Manifest, VersionObject};
@@ -10,7 +10,7 @@ use crate::services::training::{AppearancePlan, Base, Plan};
 use crate::wire as convert;
 
 impl Jobs {
-    /// A request with every default filled in and everything that it names looked up.
+    /// A request with every default filled in and every name looked up.
     pub(super) fn checked(
         &self,
         catalogue: &str,
@@ -37,14 +37,14 @@ impl Jobs {
         Ok(training)
     }
 
-    /// A version that is to be extended, and how it was trained.
+    /// The version to extend, and its training parameters.
     fn base_of(&self, catalogue: &str, version: u32) -> Result<(Manifest, StartTraining), Refusal> {
         let found = self.catalogues.manifest_of(catalogue, version);
         let (manifest, parameters) = found.map_err(|refusal| Refusal::field("/extend", refusal))?;
         Ok((manifest, parameters.training))
     }
 
-    /// What a checked training is to do.
+    /// The plan of a checked training.
     pub(super) async fn plan(
         &self,
         catalogue: &str,
@@ -85,8 +85,8 @@ impl Jobs {
         })
     }
 
-    /// The objects of a training that have something to be trained from.
-    /// Without names those that are not `known` already.
+    /// The objects of a training that have training data. Without names those that are not
+    /// `known` already.
     fn objects_of(
         &self,
         training: &StartTraining,

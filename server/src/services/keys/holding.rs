@@ -1,7 +1,7 @@
-//! How long a key that was let in stays so: what is open for its holder ends with it.
+//! The end of an accepted key, with which the streams of its holder end.
 //!
-//! A key ends when it is revoked, when it expires, and, for who holds a secret that was
-//! replaced, when the grace of that secret is over.
+//! A key ends when it is revoked, when it expires, and, for the holder of a replaced secret,
+//! when the grace period of that secret is over.
 
 use std::time::Duration;
 
@@ -9,11 +9,11 @@ use palpate_store::access::AccessKey;
 
 use super::Keys;
 
-/// The longest time between two looks at the clock, which may be set.
+/// Maximum time between two readings of the clock, which may be set.
 const LOOK_EVERY: Duration = Duration::from_secs(60);
 
 impl Keys {
-    /// Returns when the key, as it was when it was let in, is not any more.
+    /// Returns when the key, in the state in which it was accepted, is no longer valid.
     pub(crate) async fn until_refused(&self, admitted: AccessKey) {
         let admitted_at_ms = self.now_ms();
         let mut changes = self.changes.subscribe();
@@ -35,10 +35,10 @@ impl Keys {
     }
 }
 
-/// When who was let in with the key as it was then is not any more; `None`: not that is known.
+/// The time at which a key accepted in an earlier state ends; `None` if it is unknown.
 ///
-/// While a secret had a grace then, nobody can say by which one he came in, so that he has to
-/// come again when it is over.
+/// If a secret had a grace period at that time, it is unknown which secret was used, so the
+/// holder has to reconnect when the period is over.
 fn end_ms(stored: &AccessKey, admitted: &AccessKey, admitted_at_ms: u64) -> Option<u64> {
     if stored.revoked_at_ms.is_some() {
         return Some(0);

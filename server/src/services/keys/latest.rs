@@ -1,8 +1,7 @@
-//! The time by which keys expire: it never goes back, also not over a restart.
+//! The time by which keys expire: it never decreases, even across restarts.
 //!
-//! It is the machine's clock, or what was the latest time before and has passed since, by a clock
-//! that nobody sets, when that is later. It is stored every minute, so that a crash gives a minute
-//! back at most.
+//! It is the later of the machine's clock and the latest earlier time plus the time passed
+//! since, by a monotonic clock. It is stored every minute, so a crash loses at most a minute.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -12,10 +11,10 @@ use tokio::sync::watch;
 use super::Keys;
 use crate::clock::now_ms;
 
-/// How often the latest time is stored.
+/// Interval at which the latest time is stored.
 const STORE_EVERY: Duration = Duration::from_secs(60);
 
-/// A time that was the latest, and when that was.
+/// The latest time, and the instant of its observation.
 #[derive(Debug)]
 pub(super) struct Latest(Mutex<(u64, Instant)>);
 
@@ -47,7 +46,7 @@ impl Keys {
         self.latest.now_ms()
     }
 
-    /// Stores the latest time now and then, and when the server stops.
+    /// Stores the latest time periodically, and when the server stops.
     pub(crate) async fn keep_time(self: Arc<Self>, mut stopping: watch::Receiver<bool>) {
         loop {
             let stops = tokio::select! {
@@ -69,7 +68,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn time_goes_on_where_the_clock_is_set_back() {
+    fn time_increases_when_the_clock_is_set_back() {
         let begin = Instant::now();
         let latest = Latest(Mutex::new((10_000, begin)));
         let after = |ms| begin + Duration::from_millis(ms);

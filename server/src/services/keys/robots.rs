@@ -1,7 +1,7 @@
 //! Names of robots: each belongs to the key that used it first, over the whole fleet.
 //!
-//! An administrator gives a name to another key, or releases it. Revoking a key releases its
-//! names too: that is an administrator's word as well. A key that has expired keeps them.
+//! An administrator can give a name to another key, or release it. Revoking a key also
+//! releases its names. An expired key keeps them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::PoisonError;
@@ -17,10 +17,10 @@ use crate::clock::now_ms;
 use crate::refusal::Refusal;
 use crate::wire::{page_length, reading, time};
 
-/// How many names one key may hold: more than robots, so that it cannot fill the store.
+/// Maximum number of names of one key: more than robots, so that it cannot fill the store.
 const NAMES_MAX: usize = 1000;
 
-/// All names that belong to keys.
+/// All names owned by keys.
 pub(super) type Known = BTreeMap<String, RobotHolder>;
 
 impl Keys {
@@ -31,8 +31,8 @@ impl Keys {
         Ok(all.into_iter().map(|holder| (holder.robot.clone(), holder)).collect())
     }
 
-    /// Lets a key post as robots: names that belong to nobody are its own from now on. Each
-    /// reading is given by its place in the request.
+    /// Claims robots' names for a key: names without an owner become its own. Each reading is
+    /// given with its index in the request.
     pub(crate) async fn claim_robots<'a>(
         &self,
         key: Option<Uuid>,
@@ -58,7 +58,7 @@ impl Keys {
         self.hold(new).await
     }
 
-    /// The names that belong to nobody; refused when one belongs to another key.
+    /// The names without an owner; an error when one belongs to another key.
     fn unheld(
         &self,
         key: Uuid,
@@ -80,7 +80,7 @@ impl Keys {
         Ok(unheld)
     }
 
-    /// A page of the names that belong to keys.
+    /// A page of the names owned by keys.
     pub(crate) fn list_robots(&self, query: &wire::PageQuery) -> Result<wire::RobotPage, Refusal> {
         let limit = page_length(query)?;
         let after = query.cursor.clone().unwrap_or_default();
@@ -95,7 +95,7 @@ impl Keys {
         Ok(wire::RobotPage { items, next_cursor })
     }
 
-    /// Gives a robot's name to a key.
+    /// Assigns a robot's name to a key.
     pub(crate) async fn bind_robot(
         &self,
         robot: &str,
@@ -124,17 +124,17 @@ impl Keys {
         Ok(())
     }
 
-    /// The key that a robot's name belongs to.
+    /// The key that owns a robot's name.
     pub(crate) fn holder(&self, robot: &str) -> Option<Uuid> {
         self.robots(|robots| robots.get(robot).map(|holder| holder.key))
     }
 
-    /// A key for people who ask who wrote something.
+    /// A key as the writer of something, for people.
     pub(crate) fn writer(&self, key: Uuid) -> wire::Writer {
         wire::Writer { key_id: key, key_name: self.find_id(key).map(|key| key.name) }
     }
 
-    /// Stores names, then lets them count.
+    /// Stores names, then applies the change.
     async fn hold(&self, new: Vec<RobotHolder>) -> Result<(), Refusal> {
         self.store.robots().put(&new).await?;
         let mut holders = self.holders.write().unwrap_or_else(PoisonError::into_inner);
@@ -147,7 +147,7 @@ impl Keys {
         wire::Robot { name: robot, holder: self.writer(key), since: time(since_ms) }
     }
 
-    /// Whether a key is there that was not revoked.
+    /// Whether a key exists and is not revoked.
     fn is_known(&self, key: Uuid) -> bool {
         self.find_id(key).is_some_and(|key| key.revoked_at_ms.is_none())
     }

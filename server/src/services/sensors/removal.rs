@@ -1,8 +1,8 @@
-//! Removing a sensor that nothing needs.
+//! Removal of an unneeded sensor.
 //!
-//! A sensor is needed while an object or a session that is kept has a reading of it, and while an
-//! unfinished training touches with it. To look through all readings takes time, in which more
-//! may come: a sensor that no reading was found of is closed first, then looked for again.
+//! A sensor is needed while a kept object or session has a reading of it, and while an
+//! unfinished training touches with it. The search through all readings takes time, in which
+//! more may come: a sensor without any is closed first, then searched for again.
 
 use std::sync::Arc;
 
@@ -15,10 +15,10 @@ use super::Sensors;
 use crate::compute::Pool;
 use crate::refusal::Refusal;
 
-/// How many records are read at once.
+/// Number of records per read.
 const PER_PAGE: usize = 256;
 
-/// Takes a sensor's closing back unless it is removed.
+/// Reopens a sensor unless it is removed.
 struct Closed<'a> {
     sensors: &'a Sensors,
     id: Uuid,
@@ -31,12 +31,12 @@ impl Drop for Closed<'_> {
 }
 
 impl Sensors {
-    /// Held while readings of sensors, or a training with one, are on their way into the store.
+    /// Read-locked while readings, or a training with a sensor, are being stored.
     pub(crate) async fn using(&self) -> tokio::sync::OwnedRwLockReadGuard<()> {
         Arc::clone(&self.using).read_owned().await
     }
 
-    /// Removes a sensor that nothing needs, with its calibrations.
+    /// Removes a sensor that is not needed, with its calibrations.
     pub(crate) async fn remove(&self, reference: &str, pool: &Pool) -> Result<(), Refusal> {
         let sensor = self.get(reference)?;
         if sensor.preset.as_ref() == Some(&sensor.name) {
@@ -44,7 +44,7 @@ impl Sensors {
             return Err(Refusal::Needed { what, by: "every server has its preset".to_owned() });
         }
         self.expect_unused(&sensor, pool).await?;
-        // From here on no reading of it comes in; those on their way are waited for.
+        // From here on it accepts no readings; those being stored are awaited.
         self.closed.insert(sensor.id);
         let _closed = Closed { sensors: self, id: sensor.id };
         drop(self.using.write().await);
@@ -55,7 +55,7 @@ impl Sensors {
         Ok(())
     }
 
-    /// Refuses while anything needs the sensor. Looks on a thread of the pool.
+    /// Refuses if the sensor is needed. Searches on a thread of the pool.
     async fn expect_unused(&self, sensor: &Sensor, pool: &Pool) -> Result<(), Refusal> {
         let (store, id, created) = (self.store.clone(), sensor.id, sensor.created_at_ms);
         let needs = move || needs(&store, id, created);
@@ -66,7 +66,7 @@ impl Sensors {
     }
 }
 
-/// What needs a sensor that is there since `created_at_ms`, if anything does. Blocks.
+/// The user of a sensor that exists since `created_at_ms`, if any. Blocks.
 fn needs(store: &Database, sensor: Uuid, created_at_ms: u64) -> Result<Option<String>, Refusal> {
     let is_unfinished = |job: &&Job| matches!(job.state, JobState::Queued | JobState::Running);
     let jobs = store.jobs().list_whole(None, usize::MAX - 1)?.items;
@@ -85,7 +85,7 @@ fn needs(store: &Database, sensor: Uuid, created_at_ms: u64) -> Result<Option<St
     let mut after = None;
     loop {
         let page = store.sessions().list_whole(after, PER_PAGE)?;
-        // One that ended before has none.
+        // A session that ended before has none.
         let may_have =
             page.items.iter().filter(|it| it.closed_at_ms.is_none_or(|at| at >= created_at_ms));
         for session in may_have {

@@ -1,7 +1,7 @@
-//! Whether a session by geometry can be had, told before anything is made for it.
+//! Check of a geometric session's memory before anything is allocated.
 //!
-//! The size of its tables and bins follows from what the client chose, so a choice that would
-//! take too much memory is refused at its field.
+//! The size of its tables and bins follows from the request, so a request that would take too
+//! much memory is refused at its field.
 
 use palpate_dissertation::geometric::{BeliefMemory, GeometricError};
 use palpate_schemas::{Method, PosePrior};
@@ -14,14 +14,14 @@ use crate::refusal::Refusal;
 use crate::wire::geometry::HALF_EXTENT;
 use crate::wire::session::{self, Options, options};
 
-/// The share of the memory of beliefs that one session's tables may take. Chosen: two sessions
-/// with tables of their own can work at once.
+/// Inverse of the share of the beliefs' memory that one session's tables may take. Chosen:
+/// two sessions with their own tables can work at once.
 const TABLES_SHARE: usize = 2;
-/// The share that one session's own bins may take. Chosen: a session keeps up to five copies
-/// of its belief to go back to.
+/// Inverse of the share that one session's own bins may take. Chosen: a session keeps up to
+/// five copies of its belief to return to.
 const OWN_SHARE: usize = 8;
 
-/// Refuses a session whose belief cannot be had, or not within the memory of beliefs.
+/// Refuses a session whose belief is impossible, or exceeds the memory of beliefs.
 pub(super) fn fits(session: &Session, model: &Model, bytes_max: usize) -> Result<(), Refusal> {
     let memory = SessionBelief::memory(session, model).map_err(refused)?;
     let Some(memory) = memory else { return Ok(()) };
@@ -57,7 +57,7 @@ pub(super) fn fits(session: &Session, model: &Model, bytes_max: usize) -> Result
     Err(Refusal::field(pointer, detail))
 }
 
-/// The options with the box of positions that a session has when it does not say.
+/// The options with the default box of positions.
 fn with_usual_box(chosen: &Options) -> Options {
     let mut changed = chosen.clone();
     match &mut changed.pose_prior {
@@ -70,7 +70,7 @@ fn with_usual_box(chosen: &Options) -> Options {
     changed
 }
 
-/// Why a belief cannot be had, at the field that says so.
+/// The refusal of an impossible belief, at the field concerned.
 fn refused(error: BeliefError) -> Refusal {
     let BeliefError::Geometric(why) = &error else {
         return match error {

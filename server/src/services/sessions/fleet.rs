@@ -1,4 +1,4 @@
-//! The open sessions, those first in which something happened last.
+//! The open sessions, most recently changed first.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -14,12 +14,12 @@ use crate::refusal::Refusal;
 use crate::wire::life::Status;
 use crate::wire::{self as convert, count, time, within};
 
-/// The most sessions of one answer: as many as one stream of events follows.
+/// Maximum number of sessions in an answer: as many as one stream of events follows.
 const SESSIONS_MAX: u64 = 100;
-/// Of so many newest readings the robots are named.
+/// Number of newest readings whose robots are named.
 const READINGS: u64 = 64;
 
-/// An open session and what it is doing.
+/// An open session and its status.
 struct OpenSession {
     session: Session,
     status: Status,
@@ -41,7 +41,7 @@ impl Sessions {
         let now = now_ms();
         let mut open = self.open_now(now)?;
         let n_open = count(open.len());
-        // Of what changed in one millisecond, a session that has entries changed after it began.
+        // Among sessions changed in one millisecond, those with entries changed after they began.
         let newest =
             |one: &OpenSession| (one.status.changed_at_ms, one.status.length > 0, one.session.id);
         open.sort_by_key(|one| std::cmp::Reverse(newest(one)));
@@ -53,7 +53,7 @@ impl Sessions {
     fn open_now(&self, now: u64) -> Result<Vec<OpenSession>, Refusal> {
         let mut open = Vec::new();
         for id in self.open.page(None, usize::MAX).0 {
-            // What was deleted or is damaged meanwhile is not open any more.
+            // A session deleted or damaged meanwhile is not open any more.
             let Ok(Some(session)) = self.store.sessions().find(id) else { continue };
             let status = status(&self.store, &session, now)?;
             if status.end.is_none() {

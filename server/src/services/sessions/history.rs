@@ -1,4 +1,4 @@
-//! Sessions: their readings one by one, withdrawing them, and what was believed when and why.
+//! Readings of sessions, their retraction, replay and explanation.
 
 use std::sync::Arc;
 
@@ -14,13 +14,13 @@ use crate::live::ReplayQuestion;
 use crate::refusal::Refusal;
 use crate::wire::{PAGE_BYTES, page_length, page_number, reading, within};
 
-/// Steps of a replay when the request does not say.
+/// Default number of steps of a replay.
 const STEPS: u32 = 100;
-/// The most steps of one answer.
+/// Maximum number of steps of an answer.
 const STEPS_MAX: u64 = 1000;
 
 impl Sessions {
-    /// A session's readings in the order in which they came, withdrawn ones included.
+    /// A session's readings in order of arrival, withdrawn ones included.
     pub(crate) fn readings(
         &self,
         id: &str,
@@ -43,7 +43,7 @@ impl Sessions {
         Ok(wire::SessionReadingPage { items, next_cursor: (!is_last).then(|| next.to_string()) })
     }
 
-    /// Withdraws the reading that has a number within the session.
+    /// Withdraws the reading with a number within the session.
     pub(crate) async fn retract(
         self: &Arc<Self>,
         id: &str,
@@ -54,7 +54,7 @@ impl Sessions {
         self.retract_number(session, number.parse().map_err(|_| no_reading(number))?, detail).await
     }
 
-    /// Withdraws the reading that has a robot's number.
+    /// Withdraws the reading with a robot's number.
     pub(crate) async fn retract_of_robot(
         self: &Arc<Self>,
         id: &str,
@@ -70,8 +70,8 @@ impl Sessions {
         self.retract_number(session, number, detail).await
     }
 
-    /// The entry that has a robot's number: of the caller's own key, else of the key that the
-    /// robot's name belongs to.
+    /// The entry with a robot's number: of the caller's own key, else of the key that owns
+    /// the robot's name.
     fn number(&self, session: Uuid, id: &ReadingId) -> Result<Option<u64>, Refusal> {
         let journal = self.store.journal();
         let own = journal.find(session, id, asker::Asker::current().key())?;
@@ -81,7 +81,7 @@ impl Sessions {
         Ok(journal.find(session, id, self.keys.holder(&id.robot))?)
     }
 
-    /// What a session believed, revision by revision.
+    /// The beliefs of a session, revision by revision.
     pub(crate) async fn replay(
         self: &Arc<Self>,
         id: &str,
@@ -96,7 +96,7 @@ impl Sessions {
         live.replay(&self.tools(), question).await
     }
 
-    /// What each reading contributed to a session's belief.
+    /// The contribution of each reading to a session's belief.
     pub(crate) async fn explain(
         self: &Arc<Self>,
         id: &str,

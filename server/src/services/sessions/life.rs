@@ -1,5 +1,4 @@
-//! The life of sessions: they begin, are kept open by leases, are listed, closed, and deleted,
-//! and expire when nothing comes.
+//! Lifetimes of sessions: start, leases, listing, closing, deletion and expiry.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -24,18 +23,19 @@ use crate::wire::life::{opened_by, set_lease, set_truth};
 use crate::wire::session::Limits;
 use crate::wire::{self as convert, cursor, page_id, page_length};
 
-/// How often sessions are looked for that have expired.
+/// Interval at which expired sessions are searched.
 const SWEEP_EVERY: Duration = Duration::from_secs(1);
-/// How many sessions are read at once at the start.
+/// Number of sessions per read at the start.
 const SESSIONS_PER_READ: usize = 1000;
 
 impl Sessions {
-    /// Notes which sessions are open, and removes the checkpoints of others. Blocks.
+    /// Registers the open sessions, and removes the checkpoints of others. Blocks.
     pub(crate) fn take_stock(&self) -> Result<(), Refusal> {
         let (mut after, now) = (None, now_ms());
         loop {
             let page = self.store.sessions().list_whole(after, SESSIONS_PER_READ)?;
-            // Of those that were not closed the last reading says whether they have expired.
+            // For sessions that were not closed, the last reading determines whether they
+            // have expired.
             let ends = page.items.par_iter().filter(|session| session.closed_at_ms.is_none());
             let ends = ends.map(|session| Ok((session, status(&self.store, session, now)?)));
             for (session, status) in ends.collect::<Result<Vec<_>, Refusal>>()? {
@@ -118,7 +118,7 @@ impl Sessions {
         Ok(wire::SessionPage { items, next_cursor })
     }
 
-    /// Keeps a session open for so long, though nothing comes.
+    /// Keeps a session open for a time without new readings.
     pub(crate) async fn extend(
         &self,
         id: &str,
@@ -140,8 +140,8 @@ impl Sessions {
         self.show(&session)
     }
 
-    /// Closes a session, and notes what its object was if that is told; closing it again
-    /// changes nothing else.
+    /// Closes a session, and records its true object if stated; closing it again changes
+    /// nothing else.
     pub(crate) async fn close(
         self: &Arc<Self>,
         id: &str,
@@ -151,7 +151,7 @@ impl Sessions {
         let live = self.live(id).await?;
         let told = convert::life::told_truth(asked, live.model())?;
         let sessions = Arc::clone(self);
-        // A session is closed though whoever closed it did not wait.
+        // A session is closed even if the caller has gone.
         let closing = asker::spawn_within(self.answer_timeout, async move {
             if let Some(truth) = told {
                 let truth = live.judge(&sessions.tools(), truth).await?;
@@ -166,7 +166,7 @@ impl Sessions {
         finished(closing).await
     }
 
-    /// Notes what a session's object was, and counts how right its belief is.
+    /// Records a session's true object, and scores its belief.
     async fn note_truth(&self, id: Uuid, truth: wire::Truth) -> Result<(), Refusal> {
         let is_new = Arc::new(AtomicBool::new(false));
         let (noted, told) = (Arc::clone(&is_new), truth.clone());
@@ -204,7 +204,7 @@ impl Sessions {
         Ok(())
     }
 
-    /// Lets sessions go that have expired, until the server stops.
+    /// Ends expired sessions until the server stops.
     pub(crate) async fn watch(self: Arc<Self>, mut stopping: watch::Receiver<bool>) {
         loop {
             tokio::select! {
@@ -217,7 +217,7 @@ impl Sessions {
         }
     }
 
-    /// Lets the sessions go that have expired; who follows one is told.
+    /// Ends the expired sessions and notifies their followers.
     fn sweep(&self) -> Result<(), Refusal> {
         let now = now_ms();
         for id in self.open.due(now) {
@@ -240,13 +240,13 @@ impl Sessions {
         Ok(())
     }
 
-    /// Notes that a session has ended.
+    /// Registers the end of a session.
     fn leave(&self, id: Uuid) {
         self.open.leave(id);
         self.checkpoints.remove(id);
     }
 
-    /// Takes a place for a new session, that of an expired one if need be.
+    /// Takes a slot for a new session, that of an expired one if necessary.
     fn enter(&self, id: Uuid, expires: Option<u64>, client: Option<Client>) -> Result<(), Refusal> {
         if self.open.enter(id, expires, client).is_ok() {
             return Ok(());

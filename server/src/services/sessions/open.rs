@@ -1,8 +1,7 @@
-//! Which sessions are open: a bound on how many there are, with a share of each client, and who is
-//! due to expire.
+//! The open sessions: a limit on their number, with a share for each client, and their expiry.
 //!
-//! An expiry noted here is never too late, and may be too early: readings and leases that come
-//! later are in the store, which is asked before a session goes.
+//! An expiry noted here is never too late, and may be too early: later readings and leases
+//! are in the store, which is checked before a session ends.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -18,17 +17,17 @@ pub(super) struct Open {
     places: Arc<Budget>,
 }
 
-/// An open session's place.
+/// The slot of an open session.
 struct Place {
-    /// When it expires at the earliest (ms since 1970); `None` never does.
+    /// Earliest expiry (ms since 1970); `None` for never.
     expires: Option<u64>,
     _holding: Holding,
 }
 
-/// Why there is no place for a new session.
+/// Reason for which there is no slot for a new session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Full {
-    /// All places are taken; the first is free again at the earliest at this time.
+    /// All slots are taken; one is free again at this time at the earliest.
     Total { max: usize, soonest_ms: Option<u64> },
     /// The client's share is: of all places this many are taken.
     Share { used: usize, max: usize },
@@ -65,8 +64,8 @@ impl Open {
         Ok(())
     }
 
-    /// Notes a session that is open already, whatever the bounds. Of one that was opened without a
-    /// key nobody knows the address after a restart: it counts to the total alone.
+    /// Registers an open session, regardless of limits. After a restart the address of a
+    /// client without a key is unknown: its session counts towards the total alone.
     pub(super) fn note(&self, id: Uuid, expires: Option<u64>, key: Option<Uuid>) {
         let mut sessions = self.lock();
         match sessions.get_mut(&id) {
@@ -96,7 +95,7 @@ impl Open {
         self.lock().iter().filter(|(_, place)| is_due(place)).map(|(id, _)| *id).collect()
     }
 
-    /// Up to `limit` sessions behind `after`, and whether there are more.
+    /// Up to `limit` sessions after `after`, and whether there are more.
     pub(super) fn page(&self, after: Option<Uuid>, limit: usize) -> (Vec<Uuid>, bool) {
         let sessions = self.lock();
         let behind = sessions.keys().filter(|id| after.is_none_or(|after| **id > after));
@@ -120,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn places_are_bounded_and_free_again() {
+    fn slots_are_limited_and_released() {
         let open = Open::new(2);
         open.enter(id(1), Some(70), None).unwrap();
         open.enter(id(2), Some(50), None).unwrap();
@@ -137,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn pages_go_on_where_the_last_ended() {
+    fn pages_continue_where_the_last_ended() {
         let open = Open::new(5);
         for n in [3, 1, 2] {
             open.enter(id(n), None, None).unwrap();
@@ -148,13 +147,13 @@ mod tests {
     }
 
     #[test]
-    fn a_key_holds_its_share_and_leaves_places_for_others() {
+    fn a_key_holds_at_most_its_share() {
         let (open, [greedy, other]) = (Open::new(40), [1, 2].map(|key| Some(Client::Key(id(key)))));
         let n = (1..).take_while(|n| open.enter(id(*n), None, greedy).is_ok()).count();
         assert_eq!(n, 30, "three quarters");
         assert_eq!(open.enter(id(99), None, greedy), Err(Full::Share { used: 30, max: 40 }));
         open.enter(id(100), None, other).unwrap();
-        // What was open before a restart counts too.
+        // Sessions open before a restart count too.
         let again = Open::new(40);
         (1..=30).for_each(|n| again.note(id(n), Some(5), Some(id(1))));
         again.note(id(1), Some(6), Some(id(1)));

@@ -1,5 +1,4 @@
-//! How long sessions are kept after they ended: so that the disk is bounded where that is asked
-//! for.
+//! Deletion of ended sessions after a configured time, which limits the use of the disk.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -13,9 +12,9 @@ use crate::clock::now_ms;
 use crate::live::status;
 use crate::refusal::Refusal;
 
-/// How often to look, unless sessions are kept for less.
+/// Interval of the search, unless sessions are kept for less.
 const LOOK_EVERY: Duration = Duration::from_secs(60);
-/// How many sessions are looked at in one piece, and deleted at once: deletions share a flush.
+/// Number of sessions per piece, deleted at once: deletions share a flush.
 const PAGE: usize = 256;
 const AT_ONCE: usize = 16;
 
@@ -39,7 +38,7 @@ impl Sessions {
         }
     }
 
-    /// Deletes those that ended so long ago; answers how many.
+    /// Deletes the sessions that ended before; their number.
     async fn forget_ended(&self, keep: Duration) -> Result<usize, Refusal> {
         let before_ms = now_ms().saturating_sub(keep.as_millis() as u64);
         let (mut after, mut n_deleted) = (None, 0);
@@ -63,7 +62,7 @@ impl Sessions {
         }
     }
 
-    /// Sessions of one piece that had ended by then, and after which the next piece begins.
+    /// Sessions of one piece that had ended by then, and the start of the next piece.
     fn ended(
         &self,
         after: Option<Uuid>,
@@ -72,7 +71,7 @@ impl Sessions {
         let page = self.store.sessions().list_whole(after, PAGE)?;
         let mut ended = Vec::new();
         for session in &page.items {
-            // Ids are in the order of creation: those that follow cannot have ended by then.
+            // Ids are in the order of creation: later ones cannot have ended by then.
             if session.created_at_ms > before_ms {
                 return Ok((ended, None));
             }

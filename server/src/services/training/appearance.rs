@@ -1,7 +1,7 @@
-//! The part of a training that learns in which classes of appearance touches fall.
+//! Training of appearance classes and histograms.
 //!
 //! A training that extends a version uses its vocabulary and keeps its objects' histograms;
-//! the exponent and the report are made anew from the held-back readings of all objects.
+//! the exponent and the report are recomputed from the held-out readings of all objects.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -19,7 +19,7 @@ use super::base::extended;
 use super::material::Material;
 use super::{Plan, Progress, TrainingFailure, step};
 
-/// How appearance is trained.
+/// Configuration of appearance.
 pub(crate) struct AppearancePlan {
     pub(crate) config: AppearanceConfig,
     pub(crate) source: FeatureSource,
@@ -71,7 +71,7 @@ fn vocabulary(
     })
 }
 
-/// What each object is learnt from: its readings, or the features that came with them.
+/// Training data of each object: its readings, or the features sent with them.
 fn sets<'a>(
     settings: &AppearancePlan,
     materials: &'a [Material],

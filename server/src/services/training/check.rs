@@ -1,12 +1,11 @@
-//! Whether readings can be learnt from, before anything is: did they touch, and do the arrays of
-//! all objects have as many taxels.
+//! Checks of readings before training: contact, and equal array shapes of all objects.
 
 use palpate_schemas::FeatureSource;
 
 use super::material::Material;
 use super::{Plan, TrainingFailure};
 
-/// The materials, those that nothing can be learnt of as failures that name their objects.
+/// The materials; those that cannot be trained as failures that name their objects.
 pub(super) fn usable(
     plan: &Plan,
     materials: Vec<Material>,
@@ -20,7 +19,7 @@ pub(super) fn usable(
     touched.into_iter().map(|material| shaped(material?, expected)).collect()
 }
 
-/// Whether anything is learnt from images.
+/// Whether anything is trained from images.
 fn needs_images(plan: &Plan) -> bool {
     let from_images = |source| source == FeatureSource::Images;
     plan.sva
@@ -28,7 +27,7 @@ fn needs_images(plan: &Plan) -> bool {
         || plan.appearance.as_ref().is_some_and(|settings| from_images(settings.source))
 }
 
-/// Fails when no reading touched anything.
+/// Fails when no reading has contact.
 fn touched(material: Material) -> Result<Material, TrainingFailure> {
     if material.touched.n_touches > 0 {
         return Ok(material);
@@ -41,8 +40,8 @@ fn touched(material: Material) -> Result<Material, TrainingFailure> {
     })
 }
 
-/// Rows and columns that all images must have: those of the version that is extended, or those of
-/// most objects, the first of equals.
+/// Rows and columns of all images: those of the extended version, or those of most objects,
+/// the first of equals.
 fn expected_shape(
     plan: &Plan,
     materials: &[Result<Material, TrainingFailure>],

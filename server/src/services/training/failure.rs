@@ -1,4 +1,4 @@
-//! Why a training came to nothing, in words for the one who asked for it.
+//! Errors of trainings, in words for the user.
 
 use palpate_core::reading::ReadingError;
 use palpate_core::training::TrainingError;
@@ -18,7 +18,7 @@ use crate::known_sensors::UnknownSensor;
 use crate::model::NoPart;
 use crate::refusal::Refusal;
 
-/// Why a training came to nothing.
+/// Error of a training.
 #[derive(Debug, Error)]
 pub(crate) enum TrainingFailure {
     #[error("it was told to stop")]
@@ -92,7 +92,7 @@ pub(crate) enum TrainingFailure {
 }
 
 impl TrainingFailure {
-    /// The name of the object that is at fault, where only one is.
+    /// Name of the object at fault, if there is one.
     pub(super) fn object(&self) -> Option<&str> {
         match self {
             Self::NoData { object }

@@ -1,7 +1,7 @@
-//! The part of a training that learns where objects generate contact, and with what pressure.
+//! Training of maps of contact and pressure.
 //!
-//! All objects' maps together are bounded, so that a version fits into memory: a grid's size
-//! is known before its cells are.
+//! The maps of all objects together are limited, so that a version fits into memory: a grid's
+//! size is known before its cells are.
 
 use glam::DVec3;
 use palpate_core::reading::{Reading, SensorId};
@@ -20,7 +20,7 @@ use palpate_store::catalogue::VersionObject;
 use super::material::Material;
 use super::{Plan, Progress, TrainingFailure, step};
 
-/// Presses an object's mesh straight down if planar maps are wanted.
+/// Presses an object's mesh straight down if planar maps are requested.
 pub(super) fn planar_presses(
     plan: &Plan,
     index: usize,
@@ -38,7 +38,7 @@ pub(super) fn planar_presses(
         .map_err(|source| TrainingFailure::Planar { object: object.name.clone(), source })
 }
 
-/// Learns the geometry of all objects, in the frames of their `maps`.
+/// Trains the geometry of all objects, in the frames of their `maps`.
 pub(super) fn learn(
     config: &GeometricConfig,
     materials: &[Material],
@@ -55,7 +55,7 @@ pub(super) fn learn(
     Ok(model)
 }
 
-/// Refuses maps that would be too large, before any is made.
+/// Refuses too large maps before any is built.
 fn check_size(config: &GeometricConfig, materials: &[Material]) -> Result<(), TrainingFailure> {
     let cell = config.cell;
     let plane = match config.dimensions {
@@ -78,7 +78,7 @@ fn check_size(config: &GeometricConfig, materials: &[Material]) -> Result<(), Tr
     Ok(())
 }
 
-/// The failure of a training whose object core knows by its position.
+/// The failure of a training whose object core knows by its index.
 fn named(error: GeometricTrainError, materials: &[Material]) -> TrainingFailure {
     match error {
         GeometricTrainError::NotPlanar { object, .. } => {

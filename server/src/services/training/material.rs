@@ -1,5 +1,4 @@
-//! What objects are trained from: readings that robots took, or touches of meshes in
-//! simulation.
+//! Training data of objects: robots' readings, or simulated touches of meshes.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -29,16 +28,16 @@ use crate::wire::reading::from_store;
 pub(super) struct Material {
     pub(super) object: VersionObject,
     pub(super) readings: Vec<Reading>,
-    /// The client's own code of each reading, where it sent any.
+    /// The client's own feature of each reading, if sent.
     pub(super) features: Vec<Vec<f64>>,
-    /// What is known of the object by its readings alone.
+    /// Statistics of the object's readings.
     pub(super) touched: Touched,
     sensor: Arc<Sensor>,
     pub(super) origin: Option<DVec3>,
-    /// The symmetry of the mesh that was touched, about `origin`, where it is of use.
+    /// Symmetry of the touched mesh about `origin`, if needed.
     pub(super) symmetry: Option<Symmetry>,
-    /// Presses straight down, of a mesh whose planar map is to be learnt; else the maps of
-    /// contact are learnt from the readings.
+    /// Vertical presses of a mesh for a planar map; otherwise maps of contact are trained
+    /// from the readings.
     planar: Option<Vec<Reading>>,
 }
 
@@ -67,15 +66,15 @@ impl Material {
         (&self.readings, &self.sensor.description)
     }
 
-    /// The readings that maps of contact are learnt from.
+    /// The readings for maps of contact.
     pub(super) fn pressed(&self) -> TrainingSet<'_> {
         let readings = self.planar.as_deref().unwrap_or(&self.readings);
         TrainingSet { readings, ..self.set() }
     }
 }
 
-/// Collects the readings of all objects: their own, or touches of their meshes. A failure of one
-/// object stands in its place.
+/// Collects the readings of all objects: their own, or touches of their meshes. A failure of
+/// one object takes its place.
 pub(super) fn gather(
     plan: &Plan,
     sources: &Sources<'_>,
@@ -98,7 +97,7 @@ pub(super) fn gather(
     Ok(plan.objects.par_iter().enumerate().map(gather_one).collect())
 }
 
-/// The readings that robots took of an object; `None` without any.
+/// Robots' readings of an object; `None` without any.
 pub(super) fn own_readings(
     plan: &Plan,
     object: &VersionObject,

@@ -1,4 +1,4 @@
-//! Objects that a training leaves out: one that nothing can be learnt of does not fail the others.
+//! Objects left out of a training, so that one that cannot be trained does not make it fail.
 
 use palpate_schemas::SkippedObject;
 use palpate_store::catalogue::VersionObject;
@@ -6,20 +6,20 @@ use palpate_store::catalogue::VersionObject;
 use super::material::Material;
 use super::{Plan, TrainingFailure};
 
-/// The objects that were left out so far, and why.
+/// The objects left out so far, with reasons.
 pub(super) struct Skipped<'a> {
     plan: &'a Plan,
     objects: Vec<(VersionObject, TrainingFailure)>,
 }
 
 impl<'a> Skipped<'a> {
-    /// None so far.
+    /// No objects left out.
     pub(super) fn new(plan: &'a Plan) -> Self {
         Self { plan, objects: Vec::new() }
     }
 
-    /// The materials that can be used; the others' objects are left out. Fails with the first
-    /// failure that is of no object, or of any where the plan is strict.
+    /// The usable materials; the others' objects are left out. Fails with the first failure
+    /// that concerns no object, or any if the plan is strict.
     pub(super) fn keep(
         &mut self,
         results: Vec<Result<Material, TrainingFailure>>,
@@ -34,7 +34,7 @@ impl<'a> Skipped<'a> {
         Ok(kept)
     }
 
-    /// The materials without the one of the object that a failure names.
+    /// The materials without the one named by a failure.
     pub(super) fn without(
         &mut self,
         failure: TrainingFailure,
@@ -44,7 +44,7 @@ impl<'a> Skipped<'a> {
         let n_before = materials.len();
         materials.retain(|material| Some(&material.object.name) != named.as_ref());
         if materials.len() == n_before {
-            // Nobody is left out, so trying again would fail again.
+            // No object is at fault, so another attempt would fail again.
             return Err(failure);
         }
         self.skip(failure)?;
@@ -64,7 +64,7 @@ impl<'a> Skipped<'a> {
         }
     }
 
-    /// The objects for the report, in the plan's order.
+    /// The left-out objects for the report, in the plan's order.
     pub(super) fn reported(self) -> Vec<SkippedObject> {
         let place = |id| self.plan.objects.iter().position(|object| object.id == id);
         let mut reported: Vec<SkippedObject> = self

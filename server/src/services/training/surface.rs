@@ -1,8 +1,8 @@
-//! The part of a training that learns the objects' surfaces, and how far they can be believed.
+//! Training of surfaces, and calibration of their evidence.
 //!
-//! A tenth of an object's readings has no part in its surface: on them the calibration is
-//! learnt. Symmetry is that of the mesh, or found in all readings. A training that extends a
-//! version uses its appearance space, and learns the calibration anew for all objects together.
+//! A tenth of an object's readings is held out of its surface for the calibration. The
+//! symmetry is that of the mesh, or found in all readings. A training that extends a version
+//! uses its appearance space, and learns the calibration again for all objects together.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -26,39 +26,39 @@ use super::unseen::{self, Unseen};
 use super::{Plan, Progress, Sources, TrainingFailure, step};
 use crate::wire::count;
 
-/// One reading in so many is held back.
+/// One reading in this many is held out.
 const HELD_BACK: usize = 10;
-/// From objects with fewer readings none is held back: their surfaces need them all.
+/// Minimum number of readings of an object for holding any out: smaller surfaces need them all.
 const READINGS_MIN: usize = 100;
 
-/// What was learnt.
+/// Results of the training.
 pub(super) struct Learnt {
     /// The surfaces of all objects of the new version.
     pub(super) model: Arc<SurfaceModel>,
-    /// Those that were learnt now, in the plan's order.
+    /// The new surfaces, in the plan's order.
     pub(super) new: Vec<Arc<SurfaceMap>>,
-    /// What the symmetry of each of those was decided by.
+    /// The source of each new object's symmetry.
     pub(super) decided: Vec<Decided>,
 }
 
-/// What an object's symmetry was decided by.
+/// Source of an object's symmetry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Decided {
     ByMesh,
     ByTouches,
-    /// Not yet: about so many more touches are needed.
+    /// Undetermined: about this many more touches are needed.
     Not {
         touches_needed: usize,
     },
 }
 
-/// An object's readings: those that its surface is learnt from, and the others.
+/// An object's readings: those of its surface, and the held-out ones.
 struct Split {
     kept: Vec<Reading>,
     held_back: Vec<Reading>,
 }
 
-/// Learns the surfaces of all objects, in the frames of their pair `maps` where there are any.
+/// Trains the surfaces of all objects, in the frames of their pair `maps` if there are any.
 pub(super) fn learn(
     plan: &Plan,
     materials: &[Material],
@@ -101,7 +101,7 @@ pub(super) fn learn(
     Ok(Learnt { model, new, decided })
 }
 
-/// Whether the reading at a place among an object's `n` is held back.
+/// Whether the reading at an index among an object's `n` is held out.
 pub(super) fn is_held_back(index: usize, n: usize) -> bool {
     n >= READINGS_MIN && index < n && index % HELD_BACK == HELD_BACK - 1
 }
@@ -126,7 +126,7 @@ fn map_all(
 ) -> Result<Vec<(Arc<SurfaceMap>, Decided)>, TrainingFailure> {
     let done = AtomicUsize::new(0);
     let map_one = |(index, (material, set)): (usize, (&Material, &TrainingSet<'_>))| {
-        // All that is known of an object is in one frame.
+        // All parts of an object are in one frame.
         let origin = maps.get(index).map(ObjectMap::origin_in_training).or(material.origin);
         let map = map_surface(set, space, config, origin).map_err(|source| {
             TrainingFailure::Surface { object: material.object.name.clone(), source }
@@ -139,7 +139,7 @@ fn map_all(
     materials.par_iter().zip(sets).enumerate().map(map_one).collect()
 }
 
-/// Decides by the mesh where there is one, else by the touches.
+/// The symmetry by the mesh if there is one, else by the touches.
 fn symmetry(material: &Material, origin_in_training: DVec3) -> (Symmetry, Decided) {
     if let (Some(symmetry), Some(origin)) = (&material.symmetry, material.origin) {
         return (symmetry.seen_from(origin_in_training - origin), Decided::ByMesh);
@@ -152,7 +152,7 @@ fn symmetry(material: &Material, origin_in_training: DVec3) -> (Symmetry, Decide
     }
 }
 
-/// What is held back of each new object.
+/// Held-out readings of each new object.
 fn held_back<'a>(materials: &'a [Material], splits: &'a [Split]) -> Vec<HeldBack<'a>> {
     let of = |(split, material): (&'a Split, &'a Material)| HeldBack {
         readings: &split.held_back,
@@ -165,14 +165,14 @@ fn by_object(unseen: &[Unseen]) -> Vec<HeldBack<'_>> {
     unseen.iter().map(|one| HeldBack { readings: &one.readings, sensor: &one.sensor }).collect()
 }
 
-/// The model with a calibration that is learnt on readings that its maps have not seen.
+/// The model with a calibration learnt on held-out readings.
 fn calibrated(model: Arc<SurfaceModel>, unseen: &[HeldBack<'_>], seed: u64) -> Arc<SurfaceModel> {
     let calibration = calibrate(&model, unseen, SurfaceOptions::default(), seed);
     Arc::new(Arc::unwrap_or_clone(model).with_calibration(calibration))
 }
 
-/// What is known, with the maps of more objects. Where none of them has unseen readings, the
-/// calibration stays as it is: it does not depend on how many objects there are.
+/// The known model with further maps. If none of these has held-out readings, the calibration
+/// stays unchanged: it does not depend on the number of objects.
 fn recalibrated(
     known: &SurfaceModel,
     maps: Vec<Arc<SurfaceMap>>,
@@ -187,7 +187,7 @@ fn recalibrated(
     model
 }
 
-/// What is reported of a surface.
+/// The report on a surface.
 pub(super) fn report(map: &SurfaceMap) -> SurfaceReport {
     SurfaceReport {
         n_patches: count(map.patches().len()),

@@ -1,8 +1,8 @@
-//! Readings of the objects of an extended version that had no part in their surfaces: how far
-//! evidence can be believed depends on how alike all objects are, so it is learnt anew.
+//! Held-out readings of the objects of an extended version, for its new calibration.
 //!
-//! Of an object that robots taught these are the tenth that its training held back, and what
-//! was stored since; the mesh of another is touched again.
+//! The calibration depends on the similarity of all objects, so it is learnt again. For an
+//! object trained by robots these are the tenth that its training held out, and later
+//! readings; the mesh of another is touched again.
 
 use std::ops::ControlFlow;
 
@@ -21,24 +21,24 @@ use super::material::{mesh, own_readings};
 use super::surface::is_held_back;
 use super::{Plan, Sources, TrainingFailure};
 
-/// Objects of the extended version that are asked for readings, at most: chosen, so that an
-/// extension costs about as much however large the version is.
+/// Maximum number of objects of the extended version that provide readings. Chosen such that
+/// an extension costs about as much for any size of the version.
 const OBJECTS_MAX: usize = 40;
 
-/// Touches of a mesh: chosen, twice what a trial takes.
+/// Number of touches of a mesh. Chosen: twice those of a trial.
 const TOUCHES: usize = 16;
 
-/// The furthest that a mesh's centroid may be from where it was in training, metres: rounding.
+/// Tolerance of a mesh's centroid against its value in training, metres: rounding.
 const SAME_MESH: f64 = 1e-6;
 
-/// What one object gives; no readings when it gives none.
+/// Readings of one object, possibly none.
 pub(super) struct Unseen {
     pub(super) readings: Vec<Reading>,
     pub(super) sensor: SensorDescription,
 }
 
-/// Unseen readings of the objects of a version, in its order; none of those at `places`, which
-/// are trained again, and of some of very many.
+/// Held-out readings of the objects of a version, in its order; none for those at `places`,
+/// which are trained again, and only for some of very many.
 pub(super) fn gather(
     plan: &Plan,
     base: &Base,
@@ -82,7 +82,7 @@ fn one(
         Ok(Some(material)) => {
             let n_trained = report.n_readings as usize;
             let (readings, sensor) = material.parts();
-            // Of an object that lost readings nobody knows which ones its surface is of.
+            // If an object lost readings, those of its surface are unknown.
             let is_whole = readings.len() >= n_trained;
             let is_unseen =
                 |at: &usize| is_whole && (*at >= n_trained || is_held_back(*at, n_trained));
@@ -92,7 +92,7 @@ fn one(
             let readings = if is_enough { unseen } else { Vec::new() };
             return Ok(Unseen { readings, sensor: sensor.clone() });
         }
-        // What came since cannot be used with what its surface is of.
+        // Later readings do not fit its surface.
         Err(
             TrainingFailure::NoPoses { .. }
             | TrainingFailure::Sensors { .. }
@@ -104,7 +104,7 @@ fn one(
     let name = || object.name.clone();
     let mesh = match mesh(object.id, sources, &name) {
         Ok(mesh) if mesh.centroid().distance(origin_in_training) < SAME_MESH => mesh,
-        // It was removed, or replaced by another one.
+        // The mesh was removed, or replaced by another one.
         Ok(_) | Err(TrainingFailure::NoData { .. }) => return Ok(nothing(plan)),
         Err(failure) => return Err(failure),
     };
@@ -112,13 +112,13 @@ fn one(
     let simulator = PressSimulator::new(mesh, sensor.clone());
     let config = SamplerConfig::for_simulator(&simulator);
     let id = SensorId(plan.sensor.id.as_u128());
-    // No training counts its seeds from here.
+    // Different from the seeds of all trainings.
     let seed = !plan.seed.wrapping_add(place as u64);
     let mut hear = |_: usize, _: usize| stop();
     match sample(&simulator, id, TOUCHES, seed, &config, &mut hear) {
         Ok(readings) => Ok(Unseen { readings, sensor }),
         Err(SampleError::Stopped { .. }) => Err(TrainingFailure::Stopped),
-        // This sensor cannot touch it often enough; the one of its training could.
+        // This sensor cannot touch it often enough; that of its training could.
         Err(_) => Ok(nothing(plan)),
     }
 }

@@ -1,6 +1,8 @@
-//! Attacks on servers of another kind, one behind the other on one folder: with TLS, on a full
-//! disk, without keys, and restored from a snapshot. Nobody else is there; what is asked is
-//! whether the server still does what it must, and refuses what it should.
+//! Attacks on other servers, one after the other on one folder: with TLS, on a full disk,
+//! without keys, and restored from a snapshot.
+//!
+//! There are no other clients; checked is whether the server still does its work, and refuses
+//! what it must.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
@@ -22,14 +24,14 @@ use crate::serving::Serving;
 
 /// Connections that each attacker opens at the door of TLS.
 const CONNECTIONS: usize = 150;
-/// How long the door may take to let somebody else in.
+/// Time within which the server must accept another connection.
 const PATIENCE: Duration = Duration::from_secs(3);
-/// How often each attacker writes on a full disk.
+/// Number of writes of each attacker on a full disk.
 const WRITES: usize = 25;
 /// Names of another site.
 const FOREIGN: &str = "lab.evil.example";
 
-/// One attack on a server of its own.
+/// One attack on its own server.
 #[derive(Debug, Default, Serialize)]
 pub(super) struct Aside {
     attack: &'static str,
@@ -45,7 +47,7 @@ impl Aside {
         Self { attack, finding, ..Self::default() }
     }
 
-    /// Notes an attempt, and what is wrong if it did not come out as it must.
+    /// Counts an attempt, and its fault if it failed.
     fn expect(&mut self, holds: bool, otherwise: impl FnOnce() -> String) {
         self.attempts += 1;
         if !holds {
@@ -55,7 +57,7 @@ impl Aside {
     }
 }
 
-/// Where everything lies.
+/// Paths and material of the attacks.
 struct Place {
     command: PathBuf,
     folder: PathBuf,
@@ -91,7 +93,7 @@ impl Place {
     }
 }
 
-/// Attacks all of them.
+/// Attacks all servers.
 pub(super) async fn attack(
     command: &Path,
     folder: &Path,
@@ -133,7 +135,7 @@ fn figure(metrics: &str, name: &str) -> Option<f64> {
     line.and_then(|value| value.trim().parse().ok())
 }
 
-/// 4: connections that never say a word at the door of TLS. Others are let in meanwhile.
+/// 4: silent connections to TLS; others must be accepted meanwhile.
 async fn silent_tls(place: &Place, url: &str, within: Duration) -> anyhow::Result<Aside> {
     let mut found = Aside::new("silent_tls_connections", 4);
     let server: SocketAddr = url.trim_start_matches("https://").parse()?;
@@ -161,7 +163,7 @@ async fn silent_tls(place: &Place, url: &str, within: Duration) -> anyhow::Resul
     Ok(found)
 }
 
-/// 22: what a caller without a key is told of the store.
+/// 22: information about the store for a caller without a key.
 async fn readiness(place: &Place, url: &str) -> anyhow::Result<Aside> {
     let mut found = Aside::new("figures_for_strangers", 22);
     let stranger = place.client(None)?;
@@ -176,7 +178,7 @@ async fn readiness(place: &Place, url: &str) -> anyhow::Result<Aside> {
     Ok(found)
 }
 
-/// 15 and 16: what other users of the machine may read, and where the first key went.
+/// 15 and 16: files that other users of the machine may read, and the place of the first key.
 fn private(place: &Place, admin_key: &str, said: &str) -> anyhow::Result<Aside> {
     let mut found = Aside::new("another_user_of_the_machine", 15);
     found.expect(!said.contains(admin_key), || "the first key is in the log".to_owned());
@@ -206,7 +208,7 @@ fn is_private(_path: &Path) -> anyhow::Result<bool> {
     Ok(true)
 }
 
-/// 5: a key leaks when the disk is full. It can be revoked, and room can be made.
+/// 5: a key leaks when the disk is full. It can be revoked, and space can be freed.
 async fn full_disk(
     place: &Place,
     admin_key: &str,
@@ -244,7 +246,7 @@ async fn full_disk(
     Ok(found)
 }
 
-/// 21: a page of another site reaches a server that asks nobody for a key.
+/// 21: a page of another site reaches a server without keys.
 async fn foreign_names(place: &Place) -> anyhow::Result<Aside> {
     let mut found = Aside::new("another_sites_page", 21);
     let serving = place.serve(&place.data(), Access::Open, &[])?;
@@ -260,7 +262,7 @@ async fn foreign_names(place: &Place) -> anyhow::Result<Aside> {
     Ok(found)
 }
 
-/// 12: a snapshot of before a key was revoked does not bring it back unnoticed.
+/// 12: a snapshot from before a key's revocation does not bring it back unnoticed.
 async fn restored(place: &Place, leaked: &str) -> anyhow::Result<Aside> {
     let mut found = Aside::new("revoked_key_in_a_snapshot", 12);
     let restore = |data: &Path, more: &[&str]| {
