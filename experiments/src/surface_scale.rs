@@ -367,9 +367,15 @@ mod tests {
 
     #[test]
     fn more_objects_than_there_are_is_an_error() {
-        let config = SurfaceScale { counts: vec![11], ..small() };
+        let folder = std::env::temp_dir().join(format!("palpate-scale-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let mesh = shapes::example("mug").unwrap();
+        std::fs::write(folder.join("mug.stl"), mesh.to_stl_bytes()).unwrap();
+        let pool = Some(folder.clone());
+        let config = SurfaceScale { counts: vec![12], pool, ..small() };
         let error = run(&config, &|_, _, _| ()).err().unwrap();
-        assert_eq!(error.to_string(), "10 objects, expected at least 11");
+        std::fs::remove_dir_all(&folder).unwrap();
+        assert_eq!(error.to_string(), "11 objects, expected at least 12");
     }
 
     #[test]

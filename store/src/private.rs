@@ -12,10 +12,18 @@ use std::path::Path;
 /// # Errors
 /// The system's.
 pub fn create(path: &Path) -> io::Result<File> {
-    let mut options = OpenOptions::new();
-    options.write(true).create(true).truncate(true);
+    create_with(OpenOptions::new().truncate(true), path)
+}
+
+/// Opens a file for writing, created if missing; only its owner may read and write it.
+pub(crate) fn open(path: &Path) -> io::Result<File> {
+    create_with(OpenOptions::new().truncate(false), path)
+}
+
+fn create_with(options: &mut OpenOptions, path: &Path) -> io::Result<File> {
+    options.write(true).create(true);
     #[cfg(unix)]
-    std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
+    std::os::unix::fs::OpenOptionsExt::mode(options, 0o600);
     let file = options.open(path)?;
     // An existing file has kept its mode.
     tighten_one(path)?;

@@ -11,4 +11,5 @@ mod numbers;
 mod serving;
 #[cfg(feature = "otlp")]
 mod spans;
+mod story;
 mod torture;

@@ -15,7 +15,7 @@ use tokio::net::{TcpSocket, TcpStream};
 use crate::harness::{CUBE, Harness, config, off_box, quiet_reading};
 
 /// Long enough for any step of a test on a busy machine.
-const LONG: Duration = Duration::from_secs(20);
+const LONG: Duration = Duration::from_secs(60);
 
 async fn connect(address: SocketAddr, said: &str) -> TcpStream {
     let mut stream = TcpStream::connect(address).await.unwrap();

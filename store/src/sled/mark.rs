@@ -6,10 +6,12 @@
 //! undamaged. A `kill -9` loses nothing written; against a loss of power it is synced at most
 //! every second, since a sync of its own would halve the rate of commits.
 
-use std::fs::{File, OpenOptions};
+use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 use std::time::{Duration, Instant};
+
+use crate::private;
 
 /// The file in the database's folder.
 pub(super) const MARK_FILE: &str = "mark";
@@ -58,7 +60,7 @@ impl Mark {
     /// Opens the mark of a folder, created if missing, and sets it to `commits`.
     pub(super) fn open(folder: &Path, commits: u64) -> io::Result<Self> {
         let path = folder.join(MARK_FILE);
-        let file = OpenOptions::new().create(true).truncate(false).write(true).open(path)?;
+        let file = private::open(&path)?;
         let mut mark = Self { file, place: 0, synced: Instant::now(), is_synced: false };
         for _ in PLACES {
             mark.set(commits)?;

@@ -30,7 +30,8 @@ pub(crate) fn only_declares(root: &str) -> bool {
 pub(crate) fn imports(folder: &Path, prefix: &str, modules: &[String]) -> Vec<Import> {
     let mut found = Vec::new();
     for user in modules {
-        let mut files = super::sources(&folder.join(user));
+        let inner = folder.join(user);
+        let mut files = if inner.is_dir() { super::sources(&inner) } else { Vec::new() };
         files.push(folder.join(format!("{user}.rs")));
         for file in files.into_iter().filter(|file| !is_test(file)) {
             let Ok(text) = std::fs::read_to_string(&file) else { continue };

@@ -335,6 +335,16 @@ async fn given_back(admin: &Client, url: &str) -> anyhow::Result<u64> {
     loop {
         let metrics = admin.get(format!("{url}/metrics")).send().await?.text().await?;
         let held = held(&metrics);
+        if held > 0 && begun.elapsed() >= GIVEN_BACK {
+            let is_held = |line: &&str| {
+                ["palpate_occupied", "palpate_sessions_open"]
+                    .iter()
+                    .any(|name| line.starts_with(name))
+            };
+            for line in metrics.lines().filter(is_held) {
+                eprintln!("still held: {line}");
+            }
+        }
         if held == 0 || begun.elapsed() >= GIVEN_BACK {
             return Ok(held);
         }
