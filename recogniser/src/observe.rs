@@ -2,10 +2,10 @@
 //!
 //! Values only; no object of the catalogue is looked at here.
 
-pub mod inverse_pose;
-pub mod observation;
 pub mod placement;
 pub mod press_space;
-pub mod steadiness;
 pub mod stretch;
+pub mod steadiness;
 pub mod touch;
+pub mod observation;
+pub mod inverse_pose;

@@ -21,8 +21,8 @@ const fn body(name: &'static str, field: fn(DVec3) -> f64, half: [f64; 3], cell:
 pub(super) const BODIES: [Body; 15] = [
     body("bottle", bottle, [18.0, 18.0, 42.0], 1.0),
     body("bottle_slim", bottle_slim, [18.0, 18.0, 42.0], 1.0),
-    body("bracket_left", bracket_left, [42.0, 32.0, 16.5], 1.1),
-    body("bracket_right", bracket_right, [42.0, 32.0, 16.5], 1.1),
+    body("bracket_left", bracket_left, [42.0, 32.0, 17.0], 1.13),
+    body("bracket_right", bracket_right, [42.0, 32.0, 17.0], 1.13),
     body("dumbbell", dumbbell, [20.0, 20.0, 42.0], 1.0),
     body("dumbbell_uneven", dumbbell_uneven, [20.0, 20.0, 42.0], 1.0),
     body("plate", plate, [42.0, 27.0, 4.0], 0.8),
