@@ -29,6 +29,10 @@ const NAMED: usize = 10;
 const IN_WORDS: usize = 3;
 /// Number of keys with a figure of their own in the metrics.
 const FIGURES: usize = 100;
+/// Metric of the bytes that a key holds.
+const KEY_BYTES: &str = "palpate_store_key_bytes";
+/// Metric of the bytes that removing a thing frees.
+const LARGEST_BYTES: &str = "palpate_store_largest_bytes";
 /// Minimum pause between two surveys, and its multiple of the last one's duration.
 const PAUSE: Duration = Duration::from_secs(60);
 const PAUSES: u32 = 100;
@@ -91,18 +95,18 @@ impl Storage {
     /// are written here because the recorder of metrics would keep those of removed things.
     pub(crate) fn figures(&self) -> String {
         let Ok(stats) = self.store.stats() else { return String::new() };
-        let mut text = String::from("# TYPE palpate_store_key_bytes gauge\n");
+        let mut text = format!("# TYPE {KEY_BYTES} gauge\n");
         for StorageHolder { key, bytes } in self.holders().into_iter().take(FIGURES) {
             let (id, name) = key.map_or_else(Default::default, |key| {
                 (key.key_id.to_string(), key.key_name.unwrap_or_default())
             });
             let labels = format!("key_id=\"{id}\",key=\"{}\"", label(&name));
-            text.push_str(&format!("palpate_store_key_bytes{{{labels}}} {bytes}\n"));
+            text.push_str(&format!("{KEY_BYTES}{{{labels}}} {bytes}\n"));
         }
-        text.push_str("# TYPE palpate_store_largest_bytes gauge\n");
+        text.push_str(&format!("# TYPE {LARGEST_BYTES} gauge\n"));
         for thing in self.largest(&stats) {
             let labels = format!("kind=\"{}\",name=\"{}\"", name(thing.kind), label(&thing.name));
-            text.push_str(&format!("palpate_store_largest_bytes{{{labels}}} {}\n", thing.bytes));
+            text.push_str(&format!("{LARGEST_BYTES}{{{labels}}} {}\n", thing.bytes));
         }
         text
     }
