@@ -34,7 +34,7 @@ export function HealthView() {
           </Show>
         </Panel>
       </div>
-      <Panel title="Storage">
+      <Panel title="Storage" class="panel-storage">
         <Show of={storage} what="the storage" lines={4}>
           {(found) => <StorageTables storage={found} />}
         </Show>
