@@ -1,6 +1,6 @@
 //! Verification: how well a pose explains what was felt, and what that is held against.
 //!
-//! [`reference`] is the model written plainly, in double precision, without look-up; the other
+//! [`mod@reference`] is the model written plainly, in double precision, without look-up; the other
 //! modules are the same model made fast. [`check`] compares both.
 
 pub mod check;

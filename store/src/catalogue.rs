@@ -331,7 +331,7 @@ impl Catalogues {
     /// The trained model of a version. Heeds `stop` between blocks.
     ///
     /// # Errors
-    /// [`StoreError::TrainedModel`] when its blocks are inconsistent; else as [`Catalogues::block`].
+    /// [`StoreError::Model`] when its blocks are inconsistent; else as [`Catalogues::block`].
     pub fn model(&self, manifest: &Manifest, stop: &Stop) -> Result<TrainedModel, StoreError> {
         self.model_of(manifest, |_| true, stop)
     }
