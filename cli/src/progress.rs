@@ -98,7 +98,7 @@ impl TrainingProgress {
         }
     }
 
-    /// Hides the bar while the user is asked something.
+    /// Hides the bar during a question to the user.
     pub(crate) fn pause(&self) {
         if let Some(bar) = &self.bar {
             bar.disable_steady_tick();

@@ -26,7 +26,7 @@ pub enum MapError {
     /// Too few readings touched the object.
     #[error("{found} training readings touched the object, expected at least {expected}")]
     TooFew {
-        /// Number of such readings.
+        /// Number of readings that touched it.
         found: usize,
         /// Minimum number.
         expected: usize,

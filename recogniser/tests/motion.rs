@@ -30,7 +30,7 @@ struct Moving {
 }
 
 impl Moving {
-    /// It moves by so much before each touch but the first, as long as `moves` says.
+    /// Moves the object with the deviations `by` before the touches 1 to `moves`.
     fn new(object: usize, seed: u64, by: Looseness, moves: usize, n: usize) -> Self {
         let mut stream = Stream::new(seed, Purpose::Perturbation, object as u64);
         let mut last = some_pose(object as u64);
@@ -74,7 +74,7 @@ fn sessions(motion: Option<Looseness>) -> (usize, f64, f64) {
     sessions_by(MOTION, motion)
 }
 
-/// The same of objects that move by so much.
+/// The same sessions with objects that move with the deviations `by`.
 fn sessions_by(by: Looseness, motion: Option<Looseness>) -> (usize, f64, f64) {
     let of =
         |object| (6..14).map(move |seed| Moving::new(object, seed, by, 14, 14).recognised(motion));

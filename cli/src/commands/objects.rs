@@ -85,7 +85,7 @@ enum Action {
         /// Write the ten example objects.
         #[arg(long)]
         all: bool,
-        /// Write all 25 objects of the public benchmark, of which the examples are ten.
+        /// Write all 25 objects of the public benchmark, including the ten examples.
         #[arg(long, conflicts_with = "all")]
         public: bool,
         /// Folder to write to; created if missing.

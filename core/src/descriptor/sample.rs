@@ -8,8 +8,8 @@ pub(super) struct Sample {
 }
 
 impl Sample {
-    /// Plans a sample at a fractional row and column of an image `cols` wide, of which only
-    /// the taxels (row, col) that satisfy `inside` exist.
+    /// Plans a sample at a fractional row and column of an image `cols` wide. Only the taxels
+    /// (row, col) that satisfy `inside` exist.
     pub(super) fn bilinear(
         row: f64,
         col: f64,

@@ -10,7 +10,8 @@ use crate::units::DEG;
 /// Largest order of a group: an icosahedron's, or that of a wheel of 30 teeth with equal sides.
 pub(super) const ROTATIONS_MAX: usize = 60;
 
-/// Angle below which two rotations are one: less than half of the 12° of such a wheel.
+/// Angle below which two rotations are one: less than half of 12°, the step of a wheel of 30
+/// teeth.
 const SAME: f64 = 5.5 * DEG;
 
 /// Every product of the generators, the identity first; `None` when there are more than

@@ -44,7 +44,7 @@ const FEATURE: f64 = 0.75;
 const MISSED_MAX: f64 = 0.02;
 
 /// The neighbour k for estimating the density of touches: within its distance lie k touches,
-/// of which the last is on the rim.
+/// the last of which is on the rim.
 const NEIGHBOUR: usize = 6;
 
 /// The presses of an object, by position.

@@ -23,7 +23,7 @@ const JOLTED: usize = 10;
 pub enum Trained {
     /// By the 6 × 6 preset.
     Preset,
-    /// By the same under so much noise, a part of the sensing range.
+    /// By the same preset with this deviation of noise, as a part of the sensing range.
     Noisy(f64),
     /// By ideal presses of the mesh: without noise and without a converter.
     Ideal,

@@ -27,7 +27,7 @@ type Radius<'a> = dyn Fn(f64, f64) -> f64 + 'a;
 /// A notch of a body or a handle on it.
 #[derive(Clone, Copy)]
 enum Mark {
-    /// A bar of this radius from one height (share) to another, standing off by so much, mm.
+    /// A bar of this radius from one height (share) to another, at this distance from the body, mm.
     /// It leans towards its upper end by the share `lean` of half its length.
     Handle { from: f64, to: f64, off: f64, thick: f64, lean: f64 },
     /// This deep (mm), over a width (mm along the surface) and between heights (share).
