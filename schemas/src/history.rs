@@ -108,7 +108,7 @@ pub struct Replay {
     pub steps: Vec<ReplayStep>,
     /// Pass this as `after` to get the remaining steps; null if there are none.
     pub next_after: Option<u32>,
-    /// The belief of revision `upto`.
+    /// The belief after the last of these steps.
     pub belief: Belief,
 }
 

@@ -6,12 +6,13 @@
 
 use std::time::{Duration, Instant};
 
+use palpate_core::belief::answer::Answer;
 use palpate_schemas as wire;
 use palpate_store::journal::Entry;
 
 use super::folding::Folding;
 use super::memory::Memory;
-use super::{Live, Tools, past};
+use super::{Live, Tools};
 use crate::clock::now_ms;
 use crate::refusal::Refusal;
 use crate::wire::{count, history};
@@ -19,8 +20,8 @@ use crate::wire::{count, history};
 /// A slice of work on the compute pool.
 pub(super) const SLICE: Duration = Duration::from_millis(100);
 /// Time limit of the steps of one answer. Chosen: a page is answered within ten seconds even
-/// for two concurrent requests, and `next_after` continues.
-const TIME_MAX: Duration = Duration::from_secs(4);
+/// for two concurrent requests whose readings take seconds each; `next_after` continues.
+const TIME_MAX: Duration = Duration::from_secs(2);
 
 /// A request for a replay.
 #[derive(Clone, Copy, Debug)]
@@ -44,7 +45,7 @@ struct Walk {
 }
 
 impl Live {
-    /// The steps after `after` up to `upto`, and the belief of `upto`.
+    /// The steps after `after` up to `upto`, and the belief after the last of them.
     pub(crate) async fn replay(
         &self,
         tools: &Tools<'_>,
@@ -75,14 +76,13 @@ impl Live {
             (walk, is_over) = tools.pool.place()?.run_long(slice).await??;
         }
         let reached = question.after + walk.steps.len() as u64;
-        // If the time was up before `upto`, the session's own belief is often on the way to it.
-        let own = || self.turns.try_take().and_then(|state| past::start(&state.memory, upto));
-        let start = past::start(&walk.memory, upto).or_else(own);
-        let belief = self.past(tools, tools.pool.place()?, upto, question.poses, start).await?;
+        let last = move || walk.answer(question.poses).map(|answer| (answer, walk.steps));
+        let (answer, steps) = tools.pool.place()?.run_long(last).await??;
+        let belief = self.shown(reached, &answer);
         Ok(wire::Replay {
             session: self.session.id,
             upto: count(upto),
-            steps: walk.steps,
+            steps,
             next_after: (reached < upto).then(|| count(reached)),
             belief,
         })
@@ -106,6 +106,12 @@ impl Walk {
             }
         }
         Ok(entries.is_empty() || self.memory.chronicle.len() == self.last)
+    }
+
+    /// The answer after the last step.
+    fn answer(&mut self, poses: usize) -> Result<Answer, Refusal> {
+        let length = self.memory.chronicle.len();
+        Ok(self.folding.bring(&mut self.memory, length)?.answer(poses))
     }
 
     /// Takes one entry.

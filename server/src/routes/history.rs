@@ -70,8 +70,8 @@ pub(crate) async fn retract_robot_reading(
 
 /// Replay a session
 ///
-/// Returns what each revision added and the answer it led to, and the full belief of revision
-/// `upto`. A late reading is folded in at its place from the revision that brought it. If
+/// Returns what each revision added and the answer it led to, and the full belief after the last
+/// of them. A late reading is folded in at its place from the revision that brought it. If
 /// `next_after` is not null, call again with it to get the remaining steps.
 #[utoipa::path(get, path = "/v1/sessions/{session}/replay", operation_id = "replay_session",
     tag = "sessions",

@@ -62,6 +62,7 @@ pub(super) async fn replay(
         let more = ask(Some(all.upto), after).await?;
         all.steps.extend(more.steps);
         all.next_after = more.next_after;
+        all.belief = more.belief;
     }
     Ok(all)
 }
