@@ -164,4 +164,12 @@ impl Client {
     pub async fn cancel_job(&self, id: Uuid) -> Result<Job, Error> {
         self.send(Request::post(["v1", "jobs", &id.to_string(), "cancel"])).await
     }
+
+    /// Deletes an ended job. The version it created stays.
+    ///
+    /// # Errors
+    /// [`Error`]; status 409 while it waits or runs.
+    pub async fn delete_job(&self, id: Uuid) -> Result<(), Error> {
+        self.send_for_nothing(Request::delete(["v1", "jobs", &id.to_string()])).await
+    }
 }

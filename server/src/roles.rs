@@ -93,6 +93,7 @@ pub(crate) const TABLE: &[(&str, Who, Effect)] = &[
     ("get_job", LOOKING, Reads),
     ("job_events", LOOKING, Reads),
     ("cancel_job", TEACHING, Changes),
+    ("delete_job", TEACHING, Changes),
     ("list_sessions", ALL, Reads),
     ("get_session", ALL, Reads),
     ("get_fleet", LOOKING, Reads),

@@ -61,7 +61,7 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(maps::merge_maps))
         .routes(routes!(training::get_current, training::set_current))
         .routes(routes!(jobs::list_jobs))
-        .routes(routes!(jobs::get_job))
+        .routes(routes!(jobs::get_job, jobs::delete_job))
         .routes(routes!(jobs::cancel_job))
         .routes(routes!(events::job_events))
         .routes(routes!(sessions::list_sessions, sessions::create_session))

@@ -33,6 +33,11 @@ enum Action {
         /// Id of the job.
         job: Uuid,
     },
+    /// Remove an ended job. The version it created stays.
+    Remove {
+        /// Id of the job.
+        job: Uuid,
+    },
 }
 
 /// Runs the command.
@@ -51,6 +56,10 @@ pub(crate) async fn run(args: JobsArgs, context: &Context) -> anyhow::Result<()>
         Action::Cancel { job } => {
             let job = client.cancel_job(job).await?;
             output.answer(&job, |job| table(std::slice::from_ref(job)))
+        }
+        Action::Remove { job } => {
+            client.delete_job(job).await?;
+            output.answer(&(), |()| format!("removed job {job}"))
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use axum::Json;
 use axum::extract::State;
+use axum::http::StatusCode;
 use palpate_schemas::{Job, JobPage, PageQuery};
 
 use crate::app::App;
@@ -29,6 +30,21 @@ pub(crate) async fn get_job(
     Segment1(job): Segment1,
 ) -> Result<Json<Job>, Refusal> {
     Ok(Json(app.jobs().get(&job)?))
+}
+
+/// Delete a job
+///
+/// Deletes the record of an ended job. The version it created stays. 409 while the job is queued
+/// or running.
+#[utoipa::path(delete, path = "/v1/jobs/{job}", operation_id = "delete_job", tag = "jobs",
+    params(("job" = String, Path, description = "The job's id")),
+    responses((status = 204, description = "Deleted"), Conflict))]
+pub(crate) async fn delete_job(
+    State(app): State<App>,
+    Segment1(job): Segment1,
+) -> Result<StatusCode, Refusal> {
+    app.jobs().delete(&job).await?;
+    Ok(StatusCode::NO_CONTENT)
 }
 
 /// Cancel a job

@@ -43,7 +43,7 @@ const DENIED_PAUSE: Duration = Duration::from_secs(60);
 const STORE_EVERY: Duration = Duration::from_secs(5);
 
 /// Operations that must work on a full disk: revoking a leaked key, and freeing space.
-const ESSENTIAL: [&str; 8] = [
+const ESSENTIAL: [&str; 9] = [
     "revoke_key",
     "rotate_key",
     "close_session",
@@ -52,6 +52,7 @@ const ESSENTIAL: [&str; 8] = [
     "delete_catalogue",
     "delete_version",
     "delete_sensor",
+    "delete_job",
 ];
 
 /// Whether an operation, and its entry, may use the reserve of the disk.

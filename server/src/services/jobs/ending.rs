@@ -88,7 +88,8 @@ impl Jobs {
     }
 
     async fn store_end(&self, ending: &Ending) -> Result<Job, Refusal> {
-        let table = self.store.jobs();
+        // A job's end frees what it held: it may use the reserve.
+        let table = self.store.essential().jobs();
         let stored = table.update(ending.id, |now| {
             ending.write(now);
             Ok::<(), Refusal>(())
