@@ -1,9 +1,9 @@
 //! Trials of appearance models: trained on some readings of each object, tested on others.
 //!
 //! A trial takes readings of one object, drawn at random without replacement or in the order
-//! they were taken, and asks after each count who it is. Evidence of a reading does not depend
-//! on the others (`core::appearance`), so each test reading is classified once. Figures of
-//! chapter 4 plot the share of trials that are right.
+//! they were taken, and identifies the object after each count of readings. Evidence of a
+//! reading does not depend on the others (`core::appearance`), so each test reading is
+//! classified once. Figures of chapter 4 plot the share of trials that are right.
 
 use std::sync::Arc;
 
@@ -71,7 +71,7 @@ pub struct Evidence {
 /// Figures of trials after some number of readings.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Point {
-    /// How many readings.
+    /// Number of readings.
     pub readings: usize,
     /// Share of the trials in which the true object was the most likely one.
     pub accuracy: f64,
@@ -81,7 +81,8 @@ pub struct Point {
     /// Mean probability of the most likely object.
     #[serde(rename = "stated_probability_mean")]
     pub stated: f64,
-    /// Trials that named another object: true, named, how many; most frequent first.
+    /// Trials that named another object: true object, named object, number of trials; most
+    /// frequent first.
     #[serde(skip)]
     pub confusions: Vec<(usize, usize, usize)>,
 }
@@ -103,8 +104,8 @@ struct Verdict {
 }
 
 impl Evidence {
-    /// Classifies test readings, one list an object in the model's order; presses that touch
-    /// nothing say nothing and are left out.
+    /// Classifies test readings, one list an object in the model's order; presses without
+    /// contact are left out.
     #[must_use]
     pub fn of(
         model: &AppearanceModel,
@@ -126,7 +127,7 @@ impl Evidence {
         Self { by_object, exponent: model.exponent }
     }
 
-    /// How many readings the object with the fewest has.
+    /// Smallest number of readings of any object.
     #[must_use]
     pub fn n_readings_min(&self) -> usize {
         self.by_object.iter().map(Vec::len).min().unwrap_or(0)
@@ -253,8 +254,8 @@ pub fn line(name: &str, curve: &[Point]) -> plot::Line {
 mod tests {
     use super::*;
 
-    /// Two objects; a reading of the first says 1 nat for it, every third says 2 against; all
-    /// readings of the second say 1 nat for it.
+    /// Two objects. Evidence for the first is 1 nat per reading, but −2 nats in every third
+    /// reading; for the second it is 1 nat in every reading.
     fn evidence() -> Evidence {
         let first = |n: usize| if n % 3 == 2 { vec![0.0, 2.0] } else { vec![1.0, 0.0] };
         let by_object = vec![(0..6).map(first).collect(), vec![vec![0.0, 1.0]; 6]];

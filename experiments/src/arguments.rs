@@ -44,7 +44,7 @@ impl ObjectSet {
         objects::from_folder(folder, self.size())
     }
 
-    /// Whether a set was named, so that it is not the default.
+    /// Whether a set of objects was given, so that the default does not apply.
     #[must_use]
     pub fn is_named(&self) -> bool {
         self.public || self.meshes.is_some()

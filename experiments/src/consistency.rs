@@ -1,10 +1,11 @@
-//! Figure 5.2 again: how alike touches of the dragon are, against how far apart they are.
+//! Figure 5.2 again: similarity of touches of the dragon against their distance.
 //!
-//! Every pair of 1,000 training readings, by the distance between the sensor's places in
-//! element widths; the last point holds everything from 15 on. Exhaustive (section 5.3.3) is
-//! the bound: no vector that ignores turns and shifts can keep more. Alike is the cosine of
-//! the descriptors, and, since all touches have much in common, of what is left of them
-//! without their mean, which is what vocabularies compare (`docs/equations.md`, 5.3.2).
+//! Every pair of 1,000 training readings, binned by the distance between the sensor positions in
+//! element widths; the last bin holds all pairs 15 or more apart. Exhaustive (section 5.3.3) is
+//! the upper bound: no feature that is invariant to rotation and translation can keep more.
+//! Similarity is the cosine of the descriptors and, since all touches have much in common, the
+//! cosine after their mean is subtracted, which is what vocabularies compare
+//! (`docs/equations.md`, 5.3.2).
 
 use anyhow::Context as _;
 use clap::Args;
@@ -20,7 +21,7 @@ use crate::arguments::{ObjectSet, count};
 use crate::objects::touch;
 use crate::report::{Outcome, Progress, Report};
 
-/// The vectors that are compared.
+/// Descriptors that are compared.
 const DESCRIPTORS: [DescriptorKind; 4] = [
     DescriptorKind::Vectorize,
     DescriptorKind::MomentNormalized,
@@ -28,10 +29,10 @@ const DESCRIPTORS: [DescriptorKind; 4] = [
     DescriptorKind::Mnti,
 ];
 
-/// The last point: this many element widths and more.
+/// Distance of the last bin: this many element widths or more.
 const FAR: usize = 15;
 
-/// Up to this distance two readings may have seen the same place: the array's width.
+/// Distance, in element widths, up to which two readings may overlap: the array's width.
 const OVERLAP: usize = 6;
 
 /// Arguments of `consistency`.
@@ -52,7 +53,7 @@ pub struct Consistency {
     pub readings: usize,
 }
 
-/// How alike pairs of a distance are, and how many there are.
+/// Sum of the similarities of the pairs at one distance, and their number.
 #[derive(Clone, Copy, Default)]
 struct Bin {
     sum: f64,
@@ -104,7 +105,7 @@ pub fn run(config: &Consistency, progress: Progress<'_>) -> anyhow::Result<Outco
     Ok(Outcome { report, plot, pictures: Vec::new() })
 }
 
-/// A comparator's name and how alike pairs are at each distance.
+/// A comparator's name and its similarities at each distance.
 type Profile = (String, Vec<Bin>);
 
 /// A descriptor without the mean, scaled to norm 1.
@@ -121,7 +122,7 @@ fn bin(a: &Reading, b: &Reading, pitch: f64) -> usize {
     ((a.distance(b) / pitch) as usize).min(FAR)
 }
 
-/// How alike pairs are at each distance: bins of one element width.
+/// Similarity of pairs against distance, in bins of one element width.
 fn profile(
     readings: &[Reading],
     sensor: &SensorDescription,
@@ -155,7 +156,7 @@ impl Bin {
     }
 }
 
-/// How alike pairs of touches at a distance are.
+/// Row of the report: mean similarity of the pairs of touches at one distance.
 #[derive(Serialize)]
 struct Level {
     distance_elements_from: usize,
@@ -163,9 +164,9 @@ struct Level {
     pairs: usize,
 }
 
-/// Rows of every point, and the summary: levels near, at the end of the overlap and far, how
-/// much of the drop happens while readings may overlap, and how alike the profile is to
-/// Exhaustive's (Pearson, which no scaling changes).
+/// Adds a row for each bin, and the summary: mean similarity near, at the end of the overlap and
+/// far; share of the drop within the overlap; Pearson correlation of the profile with
+/// Exhaustive's.
 fn state(report: &mut Report, profiles: &[Profile], bound: &[Bin]) {
     for (name, bins) in profiles {
         for (distance, bin) in bins.iter().enumerate() {
@@ -197,8 +198,8 @@ fn means(profiles: &[Profile]) -> Vec<(String, Vec<f64>)> {
     profiles.iter().map(of).collect()
 }
 
-/// A profile's means, shifted and scaled to 1 at no distance and 0 far away; NaN, which is
-/// not drawn, for a profile that hardly falls.
+/// Means of a profile, shifted and scaled to 1 in the first bin and 0 in the last; NaN, which is
+/// not drawn, if the profile hardly falls.
 fn scaled(bins: &[Bin]) -> Vec<f64> {
     let (near, far) = (bins[0].mean(), bins[FAR].mean());
     let range = if near - far > 2e-3 { near - far } else { f64::NAN };

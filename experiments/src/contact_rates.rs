@@ -1,4 +1,4 @@
-//! How fast the simulated sensor works on one core: presses and converged readings a second.
+//! Throughput of the simulated sensor on one core: presses and converged readings per second.
 //!
 //! One press is one image at one pose; one converged reading is a whole touch of the training
 //! sampler, from approach to both controllers idle, with the attempts that failed.

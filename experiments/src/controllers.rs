@@ -1,9 +1,10 @@
-//! Figure 4.17: how the contact controllers converge under noise, up to four times the forces.
+//! Figure 4.17: convergence of the contact controllers under noise of up to four times the forces.
 //!
-//! Touches of one object (the dragon) from random starts until 100 converge, at every level
-//! of noise and once more on each of several seeds. A level is the whole width of a uniform
-//! distribution as a part of the largest pressure observed without noise. Added: whether what
-//! converged touches the object, and how far from its place without noise it came to rest.
+//! Touches of one object (the dragon) from random starts until 100 converge, at every level of
+//! noise and once more on each of several seeds. A level is the whole width of a uniform
+//! distribution as a part of the largest pressure observed without noise. Added: whether a
+//! converged sensor touches the object, and the distance between its resting places with and
+//! without noise.
 
 use anyhow::Context as _;
 use clap::Args;
@@ -21,11 +22,11 @@ use crate::arguments::{ObjectSet, count};
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::{mean, median};
 
-/// The noise as a part of the observed range of forces.
+/// Levels of noise as a share of the observed range of forces.
 const LEVELS: [f64; 12] = [0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0];
 
-/// What the controllers know of noise and what ends a touch, with the prefix of the keys:
-/// as printed, the same knowing the noise, and as our touches are made elsewhere.
+/// Prefix of the summary's keys, contact rule and end of a touch: as printed, the same with a
+/// threshold above the noise, and the settings that all other experiments use.
 const RULES: [(&str, ContactRule, Idle); 3] = [
     ("printed", ContactRule::Unaware, Idle::Consecutive),
     ("above_noise", ContactRule::AboveNoise, Idle::Consecutive),

@@ -1,9 +1,9 @@
-//! Where an object was touched: a picture of each, and touches along each of its axes.
+//! Coverage of objects by touches: pictures of the touched places, and touches along each axis.
 //!
-//! A press controller that pushes thin parts through the sensor leaves them without a touch,
-//! and recognition then fails for no visible reason; this shows it at a glance. Only axes
-//! along which the object is long count: a touch lies inside the surface by the covering's
-//! indentation, so the outer tenths of a thin rod's width stay empty however it is touched.
+//! A press controller that pushes thin parts through the sensor leaves them without a touch, and
+//! recognition then fails for no visible reason; the pictures show it. Only axes along which the
+//! object is long count: a touch lies inside the surface by the covering's indentation, so the
+//! outer tenths of a thin rod's width stay empty however it is touched.
 
 use glam::DVec3;
 use palpate_core::reading::Reading;
@@ -28,8 +28,9 @@ struct Fewest {
     fewest_touches_in_a_tenth_along_z: Option<usize>,
 }
 
-/// Two pictures of each object with its touches, and a row of the fewest touches in any tenth
-/// along its long axes; the summary gets the fewest of all.
+/// Draws two pictures of each object with its touches, and adds a row with the lowest number of
+/// touches in any tenth along its long axes; the summary gets the lowest number over all
+/// objects.
 pub fn pictures(
     report: &mut Report,
     objects: &[TestObject],

@@ -1,9 +1,9 @@
 //! Chapter 2: figures 2.3, 2.5 and 2.6, and the H indenter of table 2.1.
 //!
-//! There is no physical sensor here. What the dissertation measured is replaced and named so:
-//! "simulator" is an indentation run of the imaging model itself (it shows that the fits find
-//! what is there), "elastic" one of the finite-element reference, which knows nothing of
-//! Gaussians; the H is compared with the finite-element reference.
+//! There is no physical sensor here. Two simulations replace the dissertation's measurements:
+//! "simulator" is an indentation run of the imaging model itself (it shows that the fits recover
+//! its parameters), "elastic" one of the finite-element reference, which has no Gaussian in it.
+//! The H is compared with the finite-element reference.
 
 mod acuity;
 mod elastic;
@@ -35,7 +35,7 @@ pub struct Covering {
 /// Runs all four parts.
 ///
 /// # Errors
-/// When a finite-element slab or a fit does not do.
+/// When a finite-element slab cannot be solved or a fit fails.
 pub fn run(config: &Covering, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     let mut report = Report::default();
     let (slabs, mut panels) = elastic::figure_2_3(config.half_width, &mut report, progress)?;
@@ -63,7 +63,7 @@ mod tests {
         let config = Covering { seed: 1, half_width: 24 };
         let outcome = run(&config, &|_, _, _| ()).unwrap();
         let summary = &outcome.report.summary;
-        // Equation 2.5 is found again in images that were made with it.
+        // The fit recovers equation 2.5 from images that were made with it.
         assert!((summary["simulator_spread_slope"] - 0.497).abs() < 0.03, "{summary:?}");
         assert!((summary["simulator_spread_offset"] - 1.11).abs() < 0.06, "{summary:?}");
         assert!(summary["elastic_gaussian_cosine_min"] > 0.99, "{summary:?}");

@@ -1,6 +1,6 @@
 //! Figure 4.14 again: the four coverings of chapter 2 under appearance.
 //!
-//! A thicker covering takes deeper relief and blurs it more (equation 2.5).
+//! A thicker covering follows deeper relief and blurs it more (equation 2.5).
 
 use palpate_core::sensor::point_spread::point_spread_of_covering;
 use palpate_core::sensor::{ForceCurve, SensorDescription, SensorParameters};

@@ -1,9 +1,8 @@
 //! Figure 4.8 again: every descriptor on ten objects, accuracy against readings.
 //!
-//! All descriptors see the same readings of the 6 × 6 sensor under 0.10 inch. Beside them
-//! stand what this project adds: a reduction by discriminant axes, and the printed share of
-//! 90 % of the variance. The best descriptor's confusion and affinity (figures 4.9, 4.10)
-//! are rows of the report.
+//! All descriptors see the same readings of the 6 × 6 sensor under 0.10 inch. This project adds
+//! a reduction by discriminant axes, and the printed share of 90 % of the variance. The best
+//! descriptor's confusion and affinity (figures 4.9, 4.10) are rows of the report.
 
 use palpate_core::descriptor::DescriptorKind;
 use palpate_core::sensor::SensorDescription;
@@ -20,7 +19,7 @@ use crate::report::{Outcome, Progress, Report};
 /// The count at which descriptors are compared.
 const COMPARED_AT: usize = 20;
 
-/// The descriptors of the figure's upper half, and their kin.
+/// Descriptors of the figure's upper half, and related ones.
 const UPPER: [DescriptorKind; 6] = [
     DescriptorKind::Mnti,
     DescriptorKind::PolarFourier,
@@ -30,7 +29,7 @@ const UPPER: [DescriptorKind; 6] = [
     DescriptorKind::PolarFourierSigned,
 ];
 
-/// Those of its lower half, and the controls.
+/// Descriptors of the figure's lower half, and the controls.
 const LOWER: [DescriptorKind; 6] = [
     DescriptorKind::Vectorize,
     DescriptorKind::Sift,
@@ -108,7 +107,7 @@ fn shows_matrices(name: &str) -> bool {
     [DescriptorKind::Mnti, DescriptorKind::PolarFourier].iter().any(|kind| kind.name() == name)
 }
 
-/// The best of the dissertation's descriptors, and of everything.
+/// Adds the best of the dissertation's descriptors, and the best of all methods, to the summary.
 fn best(report: &mut Report, curves: &[(String, Vec<Point>)]) {
     let best_of = |all: &dyn Fn(&str) -> bool| {
         let at = |curve: &[Point]| accuracy_at(curve, COMPARED_AT);

@@ -1,5 +1,5 @@
-//! Disturbances between a touch and the session: an arm that is not where it
-//! says, robots whose bases are not, or an object that moves.
+//! Disturbances between a touch and the session: errors of the arm's pose, errors of the robots'
+//! bases, or motion of the object.
 
 use glam::{DQuat, DVec3};
 use palpate_core::pose::Pose;
@@ -7,43 +7,43 @@ use palpate_core::reading::{Base, Looseness, Reading};
 use palpate_core::rng::Stream;
 use palpate_sim::explore::Perturbation;
 
-/// How poses of a session are off.
+/// Error of the poses in a session.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Disturbance {
-    /// They are true.
+    /// No error.
     #[default]
     None,
-    /// Each reading's stated pose is off by itself.
+    /// Independent error of each reading's stated pose.
     Arm {
-        /// Standard deviation of the sensor's place along each axis, metres.
+        /// Standard deviation of the sensor's position along each axis, metres.
         position: f64,
-        /// Standard deviation of a turn about a random axis through the sensor, rad.
+        /// Standard deviation of a rotation about a random axis through the sensor, rad.
         angle: f64,
     },
-    /// The object moves between any two readings; moves add up.
+    /// The object moves between any two readings; the motions accumulate.
     Moving(Perturbation),
-    /// Robots take turns, and the base of each but the first is off, the same in all its
+    /// Robots take turns; the base of each but the first has an error that is constant over its
     /// readings.
     Robots {
-        /// How many there are.
+        /// Number of robots.
         robots: usize,
-        /// How far bases are off.
+        /// Standard deviations of the bases' errors.
         base: Looseness,
-        /// Whether the session hears how far.
+        /// Whether the session is told these deviations.
         is_told: bool,
     },
     /// The object moves once.
     Jolt {
-        /// By how much.
+        /// Maximum of the motion.
         by: Perturbation,
         /// Readings before it moves.
         after: usize,
-        /// Whether the session hears that it may have moved, and how far.
+        /// Whether the session is told that the object may have moved, and how far.
         is_told: bool,
     },
 }
 
-/// A reading as a session hears it.
+/// A reading as it reaches the session.
 #[derive(Clone, Debug)]
 pub struct Presented {
     /// The reading.
@@ -55,7 +55,7 @@ pub struct Presented {
 }
 
 impl Disturbance {
-    /// Brings readings in the object's frame to a session whose object is at
+    /// Transforms readings from the object frame into a session whose object is at
     /// `session_from_object` at first.
     #[must_use]
     pub fn present(
@@ -68,7 +68,7 @@ impl Disturbance {
         let bases = self.bases(place.translation, stream);
         let mut presented = Vec::with_capacity(readings.len());
         for (before, reading) in readings.into_iter().enumerate() {
-            // The objects of experiments have their middle at their origin.
+            // The objects of experiments have their centre at their origin.
             let mut move_by = |by: &Perturbation| place = by.drawn(place, DVec3::ZERO, stream);
             let mut moved = None;
             match self {
@@ -96,8 +96,8 @@ impl Disturbance {
         presented
     }
 
-    /// From where the robots' bases are said to be to where they are: turned about the object,
-    /// where their looseness is stated.
+    /// Transforms from the stated to the true poses of the robots' bases, rotated about the
+    /// object, since their looseness is stated there.
     fn bases(&self, object: DVec3, stream: &mut Stream) -> Vec<Pose> {
         let Self::Robots { robots, base, .. } = self else { return Vec::new() };
         let off = |_| {
@@ -111,13 +111,14 @@ impl Disturbance {
     }
 }
 
-/// The deviations of a motion along and about each axis: a length drawn evenly up to its maximum
-/// has a mean square of a third of the maximum's, and of that each axis has a third.
+/// Standard deviations of a motion along and about each axis. A length drawn uniformly up to its
+/// maximum has a mean square of a third of the maximum's square, and each axis has a third of
+/// that.
 pub fn stated(by: &Perturbation) -> Looseness {
     Looseness { position: by.shift_max / 3.0, angle: by.angle_max / 3.0 }
 }
 
-/// A reading with a stated pose that is off by normal deviations.
+/// A reading whose stated pose has a normally distributed error.
 fn misplaced(reading: &Reading, position: f64, angle: f64, stream: &mut Stream) -> Reading {
     let stated = reading.session_from_sensor();
     let turn = DQuat::from_axis_angle(stream.direction(), angle * stream.normal());
@@ -156,7 +157,7 @@ mod tests {
             shifts += heard.session_from_sensor().distance_to(&truth).powi(2) / 2_000.0;
             turns += heard.session_from_sensor().angle_to(&truth).powi(2) / 2_000.0;
         }
-        // Three axes of 1 mm; means of 2,000 squares are off by some 3 %.
+        // Three axes of 1 mm; the mean of 2,000 squares has a relative error of about 3 %.
         assert!((shifts / (3.0 * MM * MM) - 1.0).abs() < 0.1, "{shifts}");
         assert!((turns / (2.0 * DEG).powi(2) - 1.0).abs() < 0.15, "{turns}");
     }

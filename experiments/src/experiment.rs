@@ -33,7 +33,7 @@ use crate::thinning::{self, Thinning};
 use crate::unknown::{self, Unknown};
 use crate::{covering_thickness, descriptors, exploration, noise, perturbation, resolution};
 
-/// What users type before the name of an experiment.
+/// Command line before the name of an experiment.
 pub const PROGRAM: &str = "palpate experiment";
 
 /// An experiment and its arguments.
@@ -64,23 +64,23 @@ pub enum Experiment {
     SimToReal(SimToReal),
     /// Real frames of a 28×50 array, without poses.
     RealFrames(RealFrames),
-    /// Figure 5.2: how alike touches are, against how far apart they are.
+    /// Figure 5.2: similarity of touches against their distance.
     Consistency(Consistency),
     /// Section 5.5.1 by surface matching, beside SVA as served and as printed.
     SurfaceObjects(SurfaceObjects),
     /// Catalogues of fifty, a hundred and on demand a thousand objects.
     SurfaceScale(SurfaceScale),
-    /// Presses until an object is recognised for good, by how they are chosen.
+    /// Presses until an object is recognised and stays so, by choice of the next touch.
     NextTouch(NextTouch),
     /// Objects that the catalogue does not hold: detection, calibration and the stop rule.
     Unknown(Unknown),
     /// Trained on the point spread, tested on elastic coverings.
     OtherPhysics(OtherPhysics),
-    /// Noise, arms that are off, moving objects, and other sensors than trained with.
+    /// Noise, errors of the arm's pose, moving objects, and sensors other than in training.
     SurfaceNoise(SurfaceNoise),
-    /// Fewer touches kept of each object: what is lost, farthest first and at random.
+    /// Accuracy with fewer touches kept of each object, farthest first and at random.
     Thinning(Thinning),
-    /// `geometric` with solid maps: how large a box of poses it resolves.
+    /// `geometric` with solid maps: accuracy by the size of the box of poses.
     SolidGeometry(SolidGeometry),
     /// OpenCV's point-pair features and ICP on the same touches.
     PpfPeer(PpfPeer),
@@ -92,11 +92,11 @@ pub enum Experiment {
     Controllers(Controllers),
     /// Readings per second through a whole server, at 1, 8 and 64 sessions.
     ServerThroughput(ServerThroughput),
-    /// How long a restart takes until all open sessions' beliefs are answered again.
+    /// Time from a restart until the beliefs of all open sessions are answered again.
     Restart(Restart),
 }
 
-/// What is typed after [`PROGRAM`].
+/// Command line after [`PROGRAM`].
 #[derive(Parser)]
 struct Typed {
     #[command(subcommand)]
@@ -104,7 +104,7 @@ struct Typed {
 }
 
 impl Experiment {
-    /// Runs it; most take minutes.
+    /// Runs the experiment; most take minutes.
     ///
     /// # Errors
     /// When objects cannot be loaded, touched or learnt, or a server of its own fails.
@@ -140,7 +140,7 @@ impl Experiment {
         }
     }
 
-    /// Its name, also that of its files.
+    /// Name of the experiment and of its files.
     #[must_use]
     pub fn name(&self) -> String {
         self.stated().0

@@ -1,12 +1,12 @@
-//! Figures 4.11 and 4.12: strategies of blind exploration, and the sampler that they are
-//! measured against.
+//! Figures 4.11 and 4.12: strategies of blind exploration, compared with the sampler.
 //!
 //! Models learn from the sampler's readings; tests take readings of the planner with three
-//! probabilities L of the local strategy, and held-back readings of the sampler. The coarse
-//! and the fine sensor of figure 4.12. Beside accuracy stands what the dissertation explains
-//! it by: how much of the surface a strategy touches, and how one-sidedly. Added: models of
-//! touches that begin at any angle, as a blind arm's do, and an arm that moves on from what it
-//! has pressed, on the same objects and seeds.
+//! probabilities L of the local strategy, and held-back readings of the sampler. Both sensors of
+//! figure 4.12, the coarse and the fine one, are tested. Beside accuracy the report gives what
+//! the dissertation explains it by: the share of the surface that a strategy touches, and how
+//! one-sided its readings are. Added: models of touches that begin at any angle, as those of a
+//! blind arm do, and an arm that moves on from places that it has pressed, on the same objects
+//! and seeds.
 
 use palpate_core::descriptor::DescriptorKind;
 use palpate_core::reading::Reading;
@@ -24,12 +24,12 @@ use crate::object_trials::{Setting, Touched, panel};
 use crate::objects::{TestObject, touch_tilted};
 use crate::report::{Outcome, Progress, Report};
 
-/// Those of figure 4.12, and the one that figure 4.9 is of.
+/// Descriptors of figure 4.12, and that of figure 4.9.
 const DESCRIPTORS: [DescriptorKind; 3] =
     [DescriptorKind::PolarFourier, DescriptorKind::MomentNormalized, DescriptorKind::Mnti];
 
 /// The probabilities of the local strategy; the dissertation names only that there are three.
-/// With 1 the arm may stay for ever where it can touch nothing.
+/// With 1 the arm may stay for ever where no contact is possible.
 const LOCALS: [f64; 3] = [0.1, 0.5, 0.9];
 
 /// The largest tilt of the added training touches, radians; the printed "small perturbation"
@@ -176,7 +176,7 @@ mod tests {
             let explored = ["l0_1", "l0_5", "l0_9"]
                 .map(|source| format!("polar_fourier_{side}_{source}_accuracy_at_20"));
             assert!(mean_of(&explored) > 0.15, "{summary:?}");
-            // Where there was something there is more, but it is of the same place.
+            // The local strategy needs fewer steps per reading, but covers less of the surface.
             let of =
                 |figure: &str| ["l0_1", "l0_5"].map(|l| summary[&format!("{side}_{l}_{figure}")]);
             let ([global, local], [wide, narrow]) = (of("steps_per_reading"), of("covered_at_20"));

@@ -1,8 +1,8 @@
-//! Readings of blind explorations, and trials on them: what figures 4.11 to 4.13 share.
+//! Readings of blind explorations and trials on them, shared by figures 4.11 to 4.13.
 //!
-//! Objects are trained with the sampler of section 4.4.1.2 (`object_trials`) and tested with
-//! what the planner of section 4.2 brings home. Every run of the planner has a place of the
-//! object, a course and noise of its own, the same for all strategies and sensors.
+//! Objects are trained with the sampler of section 4.4.1.2 (`object_trials`) and tested with the
+//! readings of the planner of section 4.2. Every run of the planner has its own place of the
+//! object, course and noise, the same for all strategies and sensors.
 
 use std::ops::ControlFlow;
 
@@ -33,13 +33,13 @@ pub const COUNTS: [usize; 15] = [1, 2, 3, 4, 5, 7, 10, 15, 20, 30, 40, 50, 60, 8
 /// Counts that the summary states.
 const STATED_AT: [usize; 4] = [5, 10, 20, 100];
 
-/// How far from the middle of the arm's workspace the object's is at most, along each axis.
+/// Maximum distance of the object's centre from that of the arm's workspace along each axis.
 const PLACE_MAX: f64 = 20.0 * MM;
 
 /// A point of the surface counts as touched when a reading is this near.
 const COVERED_WITHIN: f64 = 10.0 * MM;
 
-/// The arm of these experiments has this many links.
+/// Number of links of the arm.
 const N_LINKS: usize = 8;
 
 /// Arguments of `exploration` and `perturbation`.
@@ -54,18 +54,19 @@ pub struct ExplorationTrials {
     pub runs: usize,
 }
 
-/// How objects are explored.
+/// A strategy of exploration.
 #[derive(Clone, Debug)]
 pub struct Strategy {
-    /// Its name in rows and plots.
+    /// Name in rows and plots.
     pub name: String,
-    /// Its part of the summary's keys.
+    /// Part of the summary's keys.
     pub key: String,
     /// The probability L of the local strategy.
     pub local: f64,
-    /// Whether the arm presses whatever it meets, as printed, instead of moving on.
+    /// Whether the arm presses every contact, as printed, instead of moving on from places that
+    /// it has pressed.
     pub as_printed: bool,
-    /// Whether the object moves after each reading, as far as section 4.4.2.4 says.
+    /// Whether the object moves after each reading, by up to the amounts of section 4.4.2.4.
     pub perturb: bool,
 }
 
@@ -85,7 +86,7 @@ impl Run {
         self.explorations.iter().map(of).collect()
     }
 
-    /// The mean over the objects of the share of the surface that `n` readings touch.
+    /// Share of the surface that `n` readings touch, mean over the objects.
     fn covered_share(&self, n: usize) -> f64 {
         let shares = self.simulators.iter().zip(&self.explorations).map(|(simulator, found)| {
             let places: Vec<DVec3> =
@@ -95,8 +96,8 @@ impl Run {
         mean(&shares.collect::<Vec<_>>())
     }
 
-    /// How one-sided the readings are: the length of the mean direction in which the sensor
-    /// looked, in the arm's frame; 1 when it always looked the same way.
+    /// One-sidedness of the readings: length of the sensor's mean viewing direction in the arm's
+    /// frame, 1 when all directions are equal.
     fn one_sidedness(&self) -> f64 {
         let lengths = self.explorations.iter().map(|found| {
             let facing = |touch: &Touch| touch.reading.session_from_sensor().turn(DVec3::Z);
@@ -106,7 +107,7 @@ impl Run {
         mean(&lengths.collect::<Vec<_>>())
     }
 
-    /// Steps of the planner for each reading.
+    /// Steps of the planner per reading.
     fn steps_per_reading(&self) -> f64 {
         let of = |found: &Exploration| {
             found.statistics.iterations as f64 / found.statistics.readings.max(1) as f64
@@ -114,7 +115,7 @@ impl Run {
         mean(&self.explorations.iter().map(of).collect::<Vec<_>>())
     }
 
-    /// The share of the contacts that the controllers or the arm gave up.
+    /// Share of the contacts that the controllers or the arm abandoned.
     fn given_up_share(&self) -> f64 {
         let of = |found: &Exploration| {
             let lost = found.statistics.rejected + found.statistics.unreachable;
@@ -128,7 +129,7 @@ impl ExplorationTrials {
     /// Explores every object `runs` times.
     ///
     /// # Errors
-    /// When the planner does not bring enough readings home.
+    /// When the planner does not obtain enough readings.
     pub fn explore(
         &self,
         objects: &[TestObject],
@@ -173,8 +174,8 @@ impl ExplorationTrials {
         Ok(Run { simulators, explorations })
     }
 
-    /// The curves of a model on explorations: readings drawn from each exploration, as the
-    /// dissertation's figures have them, and as they came.
+    /// Curves of a model on explorations: on readings drawn from each exploration, as in the
+    /// dissertation's figures, and on readings in the order in which they were taken.
     #[must_use]
     pub fn curves(&self, model: &AppearanceModel, setting: &Setting, runs: &[Run]) -> Curves {
         let of = |(run_idx, run): (usize, &Run)| {
@@ -189,7 +190,7 @@ impl ExplorationTrials {
     }
 }
 
-/// Turned at random, its middle near that of the workspace.
+/// A random pose of the object, its centre near that of the workspace.
 fn place(simulator: &PressSimulator, seed: u64) -> Pose {
     let mut stream = Stream::new(seed, Purpose::ObjectPose, 0);
     let turned = Pose::from_parts(stream.rotation(), DVec3::ZERO);
@@ -200,7 +201,7 @@ fn place(simulator: &PressSimulator, seed: u64) -> Pose {
     Pose::from_parts(turned.rotation, middle_in_session - offset)
 }
 
-/// Accuracy against readings, the mean over all explorations.
+/// Accuracy against readings, mean over all explorations.
 pub struct Curves {
     /// On readings drawn from an exploration.
     pub drawn: Vec<Point>,
@@ -208,7 +209,7 @@ pub struct Curves {
     pub in_order: Vec<Point>,
 }
 
-/// Rows and summary of a model on explorations.
+/// Adds rows and summary of a model on explorations.
 pub fn report_curves(
     report: &mut Report,
     setting: &Setting,
@@ -221,7 +222,7 @@ pub fn report_curves(
     }
 }
 
-/// Rows and summary of one curve; `source` is where its readings are from and its key.
+/// Adds rows and summary of one curve; `source` is the origin of its readings and its key.
 pub fn report_curve(
     report: &mut Report,
     setting: &Setting,
@@ -260,7 +261,7 @@ struct Explored {
     given_up_share: f64,
 }
 
-/// Rows and summary of what explorations touched.
+/// Adds rows and summary of the coverage and the effort of explorations.
 pub fn report_runs(report: &mut Report, setting: &Setting, strategy: &Strategy, runs: &[Run]) {
     let of = |value: &dyn Fn(&Run) -> f64| mean(&runs.iter().map(value).collect::<Vec<_>>());
     let (one_sidedness, steps_per_reading, given_up_share) =

@@ -15,22 +15,22 @@ use palpate_sim::mesh::Mesh;
 
 use crate::objects::TestObject;
 
-/// How much members of a family differ at least, for objects of 80 mm, metres; touches of one
-/// place agree to a tenth of that.
+/// Minimum difference between members of a family, for objects of 80 mm, metres; touches of one
+/// place agree to a tenth of it.
 pub const DIFFERENT: f64 = 2.0 * MM;
 
-/// Meshes are refined until no edge is longer than this part of the largest dimension, unless
-/// that takes too many triangles.
+/// Maximum length of an edge as a share of the largest dimension. Meshes are refined to it
+/// unless that takes too many triangles.
 const EDGE_MAX: f64 = 0.08;
 const TRIANGLES_MAX: usize = 30_000;
 
-/// Pairs of points that members are compared by.
+/// Pairs of points by which members are compared.
 const PAIRS: usize = 1_000;
 
-/// Draws until a member differs.
+/// Maximum number of draws until a member differs.
 const DRAWS_MAX: usize = 300;
 
-/// A smooth deformation of the ball of radius ½ about the origin; nowhere does it fold.
+/// A smooth deformation of the ball of radius ½ about the origin, free of folds.
 struct Warp {
     axes: glam::DQuat,
     scale: DVec3,
@@ -81,11 +81,11 @@ impl Warp {
     }
 }
 
-/// Objects one after the other: the parents, then members of their families in turn. Equal
-/// seeds give equal objects. Of the meshes only the parents' are kept.
+/// Iterator over the parents, then over members of their families in turn. Equal seeds give
+/// equal objects. Only the parents' meshes are kept.
 pub struct Families {
     parents: Vec<TestObject>,
-    /// Of every family, what its members so far are told apart by.
+    /// [`signature`]s of the members so far, one list a family.
     signatures: Vec<Vec<Vec<f64>>>,
     seed: u64,
     next: usize,
@@ -138,7 +138,7 @@ impl Iterator for Families {
     }
 }
 
-/// Distances of pairs of vertices, the same pairs for all warps of a mesh, metres.
+/// Distances between pairs of vertices, the same pairs for all warps of a mesh, metres.
 fn signature(mesh: &Mesh) -> Vec<f64> {
     let vertices = mesh.vertices();
     let mut stream = Stream::new(0, Purpose::Shape, vertices.len() as u64);

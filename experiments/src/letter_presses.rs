@@ -1,7 +1,7 @@
-//! Presses on raised letters for appearance: anywhere on a letter, or where the rig plans.
+//! Presses on raised letters for appearance: anywhere on a letter, or at the rig's planned places.
 //!
-//! The simulated letters of section 4.4.4.1 are approached from above only; the places are
-//! drawn evenly over the letter's face, at any angle, as the sampler draws them by area.
+//! The simulated letters of section 4.4.4.1 are approached from above only; the places are drawn
+//! uniformly over the letter's face, at any angle, as the sampler draws them by area.
 
 use std::f64::consts::TAU;
 
@@ -12,17 +12,16 @@ use palpate_core::units::{KPA, MM};
 use palpate_sim::letters::{Font, Letter};
 use palpate_sim::rig::{LetterField, PlanarPose, Rig, RigNoise, rig_sensor};
 
-/// Half the side of the square in which places are drawn: more than any letter has.
+/// Half the side of the square in which places are drawn, larger than any letter.
 const REACH: f64 = 30.0 * MM;
 
-/// A planned press with no taxel above this did not meet the letter: five deviations of the
-/// physical rig's noise.
+/// Contact threshold of a planned press: five standard deviations of the physical rig's noise.
 pub const CONTACT: f64 = 3.5 * KPA;
 
-/// Streams of drawn presses, apart from those of the rig's planned sessions.
+/// First index of the streams of drawn presses, disjoint from those of the rig's planned sessions.
 const STREAM_BASE: u64 = 1 << 62;
 
-/// Letters as one kind of sensor feels them.
+/// Letters of a font, to be pressed.
 pub struct RaisedLetters {
     letters: Vec<Letter>,
     fields: Vec<LetterField>,
@@ -32,7 +31,7 @@ impl RaisedLetters {
     /// The letters of the built-in font.
     ///
     /// # Errors
-    /// When the font has none of a symbol.
+    /// When the font lacks a symbol.
     pub fn new(symbols: &str) -> anyhow::Result<Self> {
         let font = Font::built_in();
         let letter = |symbol: char| {
@@ -50,8 +49,8 @@ impl RaisedLetters {
         &self.letters
     }
 
-    /// `n` presses of every letter anywhere on its face. Equal sets of a rig are equal;
-    /// `set` tells training from tests.
+    /// `n` presses of every letter anywhere on its face. Equal sets of a rig are equal; `set`
+    /// separates training from tests.
     #[must_use]
     pub fn anywhere(&self, rig: &Rig, seed: u64, set: u64, n: usize) -> Vec<Vec<Reading>> {
         let presses = |(letter, field): (&Letter, &LetterField)| {
@@ -63,7 +62,7 @@ impl RaisedLetters {
     }
 
     /// The planned presses of section 3.2.3 of every letter, `repetitions` times 192, without
-    /// those that did not meet the letter.
+    /// those that missed the letter.
     #[must_use]
     pub fn planned(&self, rig: &Rig, repetitions: u32) -> Vec<Vec<Reading>> {
         let presses = |field: &LetterField| {
@@ -80,7 +79,7 @@ pub fn rig(noise: RigNoise, seed: u64) -> Rig {
     Rig::new(SensorId(0), &rig_sensor(), noise, seed)
 }
 
-/// A place drawn evenly over the letter's face, and any angle.
+/// Draws a place uniformly over the letter's face, and an angle.
 #[must_use]
 pub fn place_on(letter: &Letter, stream: &mut Stream) -> PlanarPose {
     loop {

@@ -1,12 +1,12 @@
 //! Figures 4.19a and b again: raised letters by appearance alone.
 //!
 //! (a) All 52 letters in simulation: 1,000 training, 100 validation and 100 test presses
-//! anywhere on a letter's face, any angle, with the sensor's own noise; and once more with
-//! what a physical rig and array add, which the dissertation did not try. (b) The five vowels on the rig with the noise and
-//! the gains of a physical array: two repetitions of 192 planned presses, those that touched
-//! divided at random into 250 for training (a fifth of them for validation) and 100 for
-//! tests, the mean of seven divisions. The symbols b, d, p, q and their like are told apart
-//! by mirror images alone, to which Polar-Fourier is blind.
+//! anywhere on a letter's face, any angle, with the sensor's own noise; and once more with the
+//! errors of a physical rig and array, which the dissertation did not try. (b) The five vowels
+//! on the rig with the noise and the gains of a physical array: two repetitions of 192 planned
+//! presses, those that touched divided at random into 250 for training (a fifth of them for
+//! validation) and 100 for tests, the mean of seven divisions. The symbols b, d, p, q and
+//! similar ones differ by reflection alone, to which Polar-Fourier is invariant.
 
 use clap::Args;
 use palpate_core::descriptor::DescriptorKind;
@@ -63,7 +63,7 @@ pub struct LettersAppearance {
     pub trials: usize,
 }
 
-/// A way to learn, by its name.
+/// A named configuration of learning.
 struct Method {
     name: String,
     appearance: AppearanceConfig,
@@ -92,7 +92,7 @@ fn sensor_noise() -> RigNoise {
     RigNoise { noise, step, ..RigNoise::none() }
 }
 
-/// Figure 4.19a; curves of the ideal rig alone are given back.
+/// Runs figure 4.19a; returns the curves of the ideal rig alone.
 fn many_letters(
     config: &LettersAppearance,
     report: &mut Report,
@@ -125,8 +125,8 @@ fn many_letters(
     Ok(curves)
 }
 
-/// The three best descriptors and the one that sees mirror images; as printed, with 90 % of
-/// the variance, the two that lose by it.
+/// The three best descriptors and the one that distinguishes mirror images; and, with the
+/// printed share of 90 % of the variance, the two that lose by it.
 fn methods_52(config: &LettersAppearance) -> Vec<Method> {
     let method = |name: String, descriptor: DescriptorKind, variance_share: f64| Method {
         name,
@@ -151,7 +151,7 @@ fn methods_52(config: &LettersAppearance) -> Vec<Method> {
     plain.chain(printed).collect()
 }
 
-/// Figure 4.19b.
+/// Runs figure 4.19b.
 fn few_letters(
     config: &LettersAppearance,
     report: &mut Report,
@@ -196,8 +196,8 @@ fn few_letters(
     Ok(curves)
 }
 
-/// A random division of every letter's presses: 250 for training and validation, up to 100
-/// for tests, less in proportion where fewer touched.
+/// A random division of every letter's presses: 250 for training and validation, up to 100 for
+/// tests, proportionally fewer if fewer presses touched.
 fn divided(presses: &[Vec<Reading>], seed: u64) -> (Vec<Vec<Reading>>, Vec<Vec<Reading>>) {
     let divide = |(letter, presses): (usize, &Vec<Reading>)| {
         let mut stream = Stream::new(seed, Purpose::ReadingChoice, letter as u64);

@@ -1,8 +1,8 @@
 //! Section 3.4 again: raised letters by geometry, accuracy and errors against readings.
 //!
-//! A seed is a sensor (its gains), its noise and its trials. Training takes the rig's first
-//! repetition of 192 presses a letter; a trial draws a pose (±10 mm along x and y, any angle)
-//! and presses of the second repetition without replacement. All methods see the same
+//! A seed determines a sensor (its gains), its noise and its trials. Training takes the rig's
+//! first repetition of 192 presses a letter; a trial draws a pose (±10 mm along x and y, any
+//! angle) and presses of the second repetition without replacement. All methods see the same
 //! readings. Poses count only when the letter is right, as in the dissertation; errors are
 //! modulo the letter's symmetry. The methods are listed in `methods`.
 
@@ -67,17 +67,17 @@ pub struct LettersGeometric {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum LetterNoise {
-    /// That of a real rig and array.
+    /// Noise of a real rig and array.
     Physical,
-    /// More of everything, with values that are stuck.
+    /// More of everything, with stuck values.
     Harsh,
-    /// Other families than the default method assumes: places that wander, slips, bent
-    /// responses, rows that leak into each other.
+    /// Families other than the default method assumes: drifting places, slips, bent responses,
+    /// crosstalk between rows.
     Unmatched,
 }
 
 impl LetterNoise {
-    /// Its parameters.
+    /// Parameters of the noise.
     #[must_use]
     pub fn of_rig(self) -> RigNoise {
         match self {
@@ -94,7 +94,7 @@ impl LetterNoise {
 pub enum LetterMaps {
     /// As the service makes them (`docs/equations.md`).
     Corrected,
-    /// Corrected but for the printed exponent of equation 3.4, which is twice the spread.
+    /// Corrected, but with the printed exponent of equation 3.4, which is twice the spread.
     PrintedSpread,
     /// Equations 3.3 to 3.5 as printed, with a prior of 0.2 and log-odds without a limit.
     AsPrinted,
@@ -108,7 +108,7 @@ impl LetterMaps {
         let inverse = match self {
             Self::Corrected => corrected,
             Self::PrintedSpread => InverseModel { spread: SpreadForm::AsPrinted, ..corrected },
-            // About a fifth of what is pressed is letter.
+            // About a fifth of the pressed area is letter.
             Self::AsPrinted => InverseModel::literal(0.2),
         };
         GeometricConfig { inverse, ..GeometricConfig::planar() }
@@ -132,7 +132,7 @@ pub fn letters_named(name: &str) -> Result<String, String> {
     Err("expected capitals, all, or two or more different letters such as AEIOU".to_owned())
 }
 
-/// A letter with what its presses and its errors need.
+/// A letter with the data of its presses and of its errors.
 struct TestLetter {
     symbol: char,
     field: LetterField,
@@ -275,14 +275,14 @@ mod tests {
         };
         let outcome = run(&config, &|_, _, _| ()).unwrap();
         let summary = &outcome.report.summary;
-        // All are right from the fourth reading on; 12 is what the page's goal allows.
+        // All are right from the fourth reading on; the page's goal allows 12.
         let (median, worst) =
             (summary["literal_readings_to_100_median"], summary["literal_readings_to_100_worst"]);
         assert!(median <= worst && worst <= 12.0, "{summary:?}");
-        // Bins are 0.8 mm and 22.5° wide; a letter that is off by a bin has 1.6 mm or more.
+        // Bins are 0.8 mm and 22.5° wide; an error of one bin is 1.6 mm or more.
         let inertial = summary["literal_inertial_error_mm_mean_at_20"];
         assert!((0.3..1.6).contains(&inertial), "{summary:?}");
-        // What the sparse filter leaves out decides nothing.
+        // The bins that the sparse filter leaves out do not change the answer.
         for readings in [1, 3, 5, 9, 20] {
             let [all, sparse] = ["literal", "sparse"]
                 .map(|method| summary[&format!("{method}_accuracy_at_{readings}")]);

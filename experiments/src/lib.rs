@@ -1,6 +1,6 @@
-//! The dissertation's tables and figures, and our own: one file an experiment.
+//! The dissertation's tables and figures, and our own, one file per experiment.
 //!
-//! Every experiment is a function of its arguments, which hold a seed, and gives a
+//! Every experiment is a function of its arguments, which hold a seed, and returns a
 //! [`report::Outcome`]; the program `palpate-experiments` writes it to files and [`record`]s its
 //! figures. Poses, noise and readings of a trial come from streams that training never uses.
 

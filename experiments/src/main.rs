@@ -43,7 +43,7 @@ struct Cli {
     json: bool,
 }
 
-/// What `--json` prints.
+/// Output of `--json`.
 #[derive(Serialize)]
 struct Answer<'a> {
     experiment: &'a str,
@@ -88,7 +88,7 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The summary, a line a figure.
+/// The summary, one figure per line.
 fn table(report: &Report) -> String {
     let width = report.summary.keys().map(String::len).max().unwrap_or(0);
     let lines = report.summary.iter().map(|(key, value)| format!("{key:width$}  {value:.4}"));

@@ -1,4 +1,4 @@
-//! Sessions with objects: what the experiments on the surface recogniser share.
+//! Sessions with objects, shared by the experiments on the surface recogniser.
 //!
 //! A trial draws a pose (any rotation, ±200 mm along each axis) and presents test readings of
 //! one object, drawn at random; after each one the recogniser answers. Trial n of an object is
@@ -33,7 +33,7 @@ use crate::disturbance::{Disturbance, Presented};
 use crate::played::{Played, PoseError, Step};
 use crate::report::Progress;
 
-/// How far from the session's origin objects are placed along each axis, metres.
+/// Maximum distance of an object from the session's origin along each axis, metres.
 const REACH: f64 = 200.0 * MM;
 
 /// Poses that an answer states.
@@ -43,16 +43,16 @@ const N_MODES: usize = 8;
 pub enum Recogniser {
     /// Spatially varying appearance, section 5.5.1.
     Sva {
-        /// Its model.
+        /// Model of the catalogue.
         catalogue: Arc<SvaModel>,
-        /// How it works.
+        /// Options of the recogniser.
         options: SvaOptions,
     },
     /// Propose, verify, refine.
     Surface {
-        /// Its model.
+        /// Model of the catalogue.
         model: Arc<SurfaceModel>,
-        /// How it works.
+        /// Options of the recogniser.
         options: SurfaceOptions,
     },
 }
@@ -74,7 +74,7 @@ impl Recogniser {
         })
     }
 
-    /// Bytes that its maps take in memory.
+    /// Memory of its maps, bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
         match self {
@@ -124,7 +124,7 @@ pub fn train_sva(
     Ok(Recogniser::Sva { catalogue: Arc::new(catalogue), options })
 }
 
-/// Trains the surface recogniser, uncalibrated (which object is named does not depend on it);
+/// Trains the surface recogniser without calibration (the named object does not depend on it);
 /// the objects' frames and symmetries are those of their meshes.
 ///
 /// # Errors
@@ -148,8 +148,8 @@ pub fn train_surface(
     Ok(Arc::new(SurfaceModel::new(space, calibration, maps?)))
 }
 
-/// Trains the surface recogniser as the service does: every tenth reading is held back, and on
-/// those the calibration is learnt.
+/// Trains the surface recogniser as the service does: every tenth reading is held back, and the
+/// calibration is learnt from these.
 ///
 /// # Errors
 /// When the readings cannot be learnt from.
@@ -187,7 +187,7 @@ pub struct Sessions<'a> {
     pub seed: u64,
     /// Readings a trial.
     pub readings: usize,
-    /// Threads that a reading may be worked on with.
+    /// Number of threads for a reading.
     pub threads: usize,
     /// Disturbance between the touches and the session.
     pub disturbance: Disturbance,
@@ -256,8 +256,8 @@ impl Sessions<'_> {
         Pose::from_parts(stream.rotation(), position)
     }
 
-    /// The readings of a trial as the session hears them. None comes twice before all have
-    /// come: a robot does not touch one place twice in just the same way.
+    /// The readings of a trial as they reach the session, drawn without replacement until all
+    /// have been used: a robot does not touch one place twice in exactly the same way.
     #[must_use]
     pub fn presented(&self, object: usize, trial: usize) -> Vec<Presented> {
         let index = self.index(object, trial);
@@ -275,7 +275,7 @@ impl Sessions<'_> {
         self.disturbance.present(readings.collect(), pose, &mut stream)
     }
 
-    /// How far a pose is from that of the object in a trial.
+    /// Error of a pose against that of the object in a trial.
     #[must_use]
     pub fn error(&self, object: usize, trial: usize, found: &Pose) -> PoseError {
         self.error_from(object, &self.true_pose(object, trial), found)
@@ -324,8 +324,7 @@ impl Sessions<'_> {
     }
 }
 
-/// The processor time of this thread, seconds; Linux only. What other programs do meanwhile
-/// does not count.
+/// Processor time of this thread, seconds; Linux only. It excludes other programs.
 fn thread_seconds() -> Option<f64> {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
     let nanoseconds: f64 = text.split_whitespace().next()?.parse().ok()?;

@@ -1,4 +1,4 @@
-//! Appearance trials on objects in simulation: what figures 4.8, 4.14, 4.15 and 4.16 share.
+//! Appearance trials on objects in simulation, shared by figures 4.8, 4.14, 4.15 and 4.16.
 //!
 //! Objects are touched by the sampler of section 4.4.1.2, once for training and validation
 //! and once, from another seed, for testing. The classes are learnt from a part of the
@@ -65,9 +65,9 @@ pub struct ObjectTrials {
 
 /// The world of one curve: a sensor and its noise.
 pub struct Setting {
-    /// Its name in rows and plots.
+    /// Name in rows and plots.
     pub name: String,
-    /// Its part of the summary's keys; empty for the only setting.
+    /// Part of the summary's keys; empty for the only setting.
     pub key: String,
     /// The sensor.
     pub sensor: SensorDescription,
@@ -83,7 +83,7 @@ pub struct Touched {
     pub test: Vec<Vec<Reading>>,
 }
 
-/// A model and how its test went.
+/// A model and the results of its test.
 pub struct Tested {
     /// The model.
     pub model: AppearanceModel,
@@ -117,7 +117,7 @@ impl ObjectTrials {
         })
     }
 
-    /// Learns with a configuration, of which a part of about 1/11 is held back, and tests.
+    /// Trains with a configuration, which holds back about 1/11 of the readings, and tests.
     ///
     /// # Errors
     /// When the readings cannot be learnt from.
@@ -145,7 +145,8 @@ impl ObjectTrials {
         }
     }
 
-    /// Runs the descriptors of figures 4.14 to 4.16 in every setting, a panel a descriptor.
+    /// Runs the descriptors of figures 4.14 to 4.16 in every setting, with one panel per
+    /// descriptor.
     ///
     /// # Errors
     /// When objects cannot be read, touched or learnt.
@@ -180,7 +181,7 @@ pub fn panel(title: &str, lines: Vec<Line>) -> Panel {
     Panel { title: title.to_owned(), x, y, lines }
 }
 
-/// Rows of a curve, its confusions after 20 readings, and the summary.
+/// Adds the rows of a curve, its confusions after 20 readings, and the summary.
 pub fn rows(
     report: &mut Report,
     setting: &Setting,

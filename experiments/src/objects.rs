@@ -1,5 +1,4 @@
-//! Objects that an experiment touches: generated ones or a folder of meshes, and the
-//! readings it takes of them.
+//! Objects that an experiment touches: generated ones or a folder of meshes, and readings of them.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -77,11 +76,12 @@ pub fn from_folder(folder: &Path, size: f64) -> anyhow::Result<Vec<TestObject>> 
     Ok(named)
 }
 
-/// In larger catalogues no symmetry is sought: it would take longer than all the rest.
+/// Maximum size of a catalogue whose symmetries are computed; in larger ones that would take
+/// longer than everything else.
 const SYMMETRIES_MAX: usize = 100;
 
-/// The symmetry of each object's mesh, in its frame: what errors of poses are measured modulo,
-/// and what the service learns beside the touches of a mesh.
+/// The symmetry of each object's mesh, in its frame. Errors of poses are modulo this symmetry,
+/// and the service learns it when it has a mesh.
 #[must_use]
 pub fn symmetries(objects: &[TestObject]) -> Vec<Symmetry> {
     if objects.len() > SYMMETRIES_MAX {

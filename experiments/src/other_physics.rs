@@ -1,13 +1,12 @@
-//! Trained on the point spread, tested on an elastic covering: has the recogniser merely
-//! learnt our own blur?
+//! Training on the point spread, tests on an elastic covering: dependence on our model of blur.
 //!
 //! Tests take the readings of a covering whose contact is solved (`sim::press::Physics`), with
-//! its own gains, noise and converter; its controllers feel them too. What breaks first is
-//! found by giving the elastic sensor's readings one aspect of the other simulator's at a
-//! time: its images at the elastic poses (what is left is where the controllers come to rest)
-//! and elastic images at its poses; and by leaving an aspect of the touch out of the score.
-//! Differences of touches at the same poses are in rows (`differences`).
-//! In the same run the printed method (`literal`) plays a few sessions.
+//! its own gains, noise and converter, which also affect its controllers. To attribute the loss,
+//! one aspect at a time comes from the point-spread simulator: its images at the elastic poses
+//! (which leaves the difference in the poses where the controllers come to rest), and elastic
+//! images at its poses. Ablations leave one aspect of the touch out of the score. Rows give the
+//! differences of touches at the same poses (`differences`). In the same run the printed method
+//! (`literal`) plays a few sessions.
 
 mod differences;
 
@@ -68,13 +67,13 @@ pub struct OtherPhysics {
     pub sensor: SensorDescription,
 }
 
-/// Readings of every object in one world, and what they are called.
+/// Readings of every object in one simulated world, and its key.
 struct World {
     key: &'static str,
     test: Vec<Vec<Reading>>,
 }
 
-/// How a world is recognised.
+/// Trials of one method in one world.
 struct Tried {
     world: &'static str,
     method: &'static str,
@@ -170,7 +169,7 @@ fn worlds(
     ])
 }
 
-/// Readings of a sensor at the poses of other readings.
+/// Presses a sensor at the poses of other readings.
 fn pressed_at(
     sensing: &Sensing,
     objects: &[TestObject],
@@ -189,11 +188,11 @@ fn pressed_at(
     .collect()
 }
 
-/// The recogniser without one aspect of a touch each.
+/// Ablations: the recogniser without one aspect of a touch each.
 fn ablations() -> [(&'static str, SurfaceOptions); 3] {
     let whole = SurfaceOptions::default();
     let mut without_looks = whole;
-    // Everything looks alike.
+    // At these scales all appearances are alike.
     (without_looks.scale.appearance, without_looks.scale.appearance_of_pose) = (1e6, 1e6);
     let mut without_stretch = whole;
     without_stretch.scale.direction = 0.0;
@@ -212,7 +211,7 @@ fn report_one(report: &mut Report, config: &OtherPhysics, one: &Tried, objects: 
     for readings in 1..=config.readings {
         report.labelled(&[("world", world), ("method", method)], played.figures(readings));
     }
-    // The bonded layer by the recogniser as it is: what goals are stated for.
+    // Goals are stated for the bonded layer and the unchanged recogniser.
     let prefix = match (*world, *method) {
         ("layer", "surface") => String::new(),
         (world, "surface") => format!("{world}_"),

@@ -15,14 +15,14 @@ pub(crate) struct OwnServer {
 }
 
 impl OwnServer {
-    /// Starts one with nothing stored.
+    /// Starts a server with an empty store.
     pub(crate) async fn start() -> anyhow::Result<Self> {
         let folder = tempfile::Builder::new().prefix("palpate-experiment-").tempdir()?;
         let (server, client) = serve(folder.path()).await?;
         Ok(Self { folder, server, client })
     }
 
-    /// Stops it and starts it again on the same folder. Also gives the seconds until it listens.
+    /// Stops it and starts it again on the same folder. Also returns the seconds until it listens.
     pub(crate) async fn restart(self) -> anyhow::Result<(Self, f64)> {
         let Self { folder, server, .. } = self;
         server.shutdown().await;
@@ -45,7 +45,7 @@ async fn serve(folder: &Path) -> anyhow::Result<(Server, Client)> {
     Ok((server, Client::with_options(&address, ClientOptions::default())?))
 }
 
-/// Runs what waits for a server until it ends, or fails at Ctrl-C.
+/// Runs asynchronous work to its end; fails at Ctrl-C.
 pub(crate) fn block_on<T>(work: impl Future<Output = anyhow::Result<T>>) -> anyhow::Result<T> {
     tokio::runtime::Runtime::new()?.block_on(async {
         tokio::select! {

@@ -1,8 +1,9 @@
 //! Figure 4.13: an object that moves each time it is touched, against one that rests.
 //!
-//! Up to 10° and a tenth of the object's size at once, moves add up. Both are explored from
-//! the same places by the same planner; the models know neither. Poses play no role in them;
-//! for contrast the same readings go to `sva` of section 5, which takes objects to rest.
+//! Each motion is up to 10° and a tenth of the object's size; motions accumulate. Both objects
+//! are explored from the same places by the same planner. The appearance models do not use
+//! poses; for contrast the same readings go to `sva` of section 5, which assumes that objects
+//! rest.
 
 use std::sync::Arc;
 
@@ -26,7 +27,7 @@ use crate::object_trials::{Setting, TOP_DESCRIPTORS, Touched, panel};
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::mean;
 
-/// The probability of the local strategy: the one that perturbation could disturb has half.
+/// Probability of the local strategy, the one that perturbation could disturb.
 const LOCAL: f64 = 0.5;
 
 /// Runs the experiment.
@@ -78,7 +79,7 @@ pub fn run(config: &ExplorationTrials, progress: Progress<'_>) -> anyhow::Result
     Ok(Outcome { report, plot: svg(&panels), pictures: Vec::new() })
 }
 
-/// Counts of readings after which `sva` is asked.
+/// Counts of readings after which `sva` answers.
 const SVA_COUNTS: [usize; 7] = [2, 3, 5, 7, 10, 15, 20];
 
 fn sva_catalogue(
@@ -99,7 +100,7 @@ fn sva_catalogue(
     Ok(SvaModel { vocabulary, association, objects })
 }
 
-/// The share of the explorations that `sva` names rightly after each of the counts.
+/// Share of the explorations in which `sva` names the right object, after each of the counts.
 fn sva_accuracies(
     catalogue: &Arc<SvaModel>,
     setting: &Setting,
@@ -184,7 +185,7 @@ mod tests {
             assert!(accuracies.iter().sum::<f64>() / 4.0 > 0.15, "{summary:?}");
             assert!(summary.contains_key(&format!("sva_{key}_in_order_accuracy_at_10")));
         }
-        // An object that moves shows other sides to an arm that stays where it is.
+        // A moving object presents other sides to an arm that stays in place.
         assert!(summary["moving_covered_at_20"] > summary["resting_covered_at_20"]);
         assert_eq!(outcome.plot.matches("<polyline").count(), 2 + 16);
     }

@@ -1,4 +1,4 @@
-//! Answers of a recogniser in all trials, and the rows they make.
+//! Answers of a recogniser in all trials, and their rows in the report.
 
 use palpate_core::units::{DEG, MM};
 use serde::Serialize;
@@ -7,14 +7,14 @@ use crate::objects::TestObject;
 use crate::report::Report;
 use crate::statistics::{mean, median, quantile};
 
-/// How far a stated pose is from the true one.
+/// Error of a stated pose.
 #[derive(Clone, Copy, Debug)]
 pub struct PoseError {
     /// Distance of the origins, metres.
     pub translation: f64,
     /// Angle modulo the object's symmetry, rad.
     pub angle: f64,
-    /// Angle of the orientations as they are, rad.
+    /// Angle between the orientations, without symmetry, rad.
     pub plain_angle: f64,
 }
 
@@ -49,10 +49,10 @@ impl Step {
 
 /// All steps of some trials.
 pub struct Played {
-    /// In the order of trials, then objects, then readings.
+    /// Steps in the order of trials, then objects, then readings.
     pub steps: Vec<Step>,
-    /// Processor time of a reading in the mean, answer included, milliseconds; with one thread
-    /// it is that of one core. `None` where the system does not tell.
+    /// Mean processor time of a reading, answer included, milliseconds; with one thread it is
+    /// that of one core. `None` if the system does not report it.
     pub cpu_ms: Option<f64>,
 }
 

@@ -1,11 +1,11 @@
 //! A peer on the same touches: OpenCV contrib's `ppf_match_3d` and its ICP.
 //!
-//! Both know each object by the same training touches (point and normal), and get the same
-//! test touches, of which the surface recogniser also has the images; in a further row it goes
-//! without appearance. The peer is a script (`tests/peers/ppf_opencv.py`) that reads the
-//! touches from a folder and writes what it named; without its module it says so and its rows
-//! are left out. Time is wall time of one core for naming an object after a number of touches: for
-//! the surface recogniser the sum over the touches.
+//! Both learn each object from the same training touches (point and normal), and get the same
+//! test touches. The surface recogniser also gets the images; a further row leaves appearance
+//! out. The peer is a script (`tests/peers/ppf_opencv.py`) that reads the touches from a folder
+//! and writes the objects that it named; without its module its exit code says so, and its rows
+//! are left out. Time is wall time of one core for naming an object after a number of touches:
+//! for the surface recogniser the sum over the touches.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -64,7 +64,7 @@ pub struct PpfPeer {
     /// Test readings per object.
     #[arg(long, default_value_t = 100, value_parser = count)]
     pub test_readings: usize,
-    /// Numbers of touches, ascending, after which both are asked.
+    /// Numbers of touches, ascending, after which both answer.
     #[arg(long, default_values_t = [5, 10, 20], value_delimiter = ',', value_parser = count)]
     pub counts: Vec<usize>,
     /// The sensor.
@@ -109,7 +109,7 @@ pub fn run(config: &PpfPeer, progress: Progress<'_>) -> anyhow::Result<Outcome> 
     let n = objects.len();
     let mut found = Vec::new();
     let mut blind = SurfaceOptions::default();
-    // Everything looks alike.
+    // At these scales all appearances are alike.
     (blind.scale.appearance, blind.scale.appearance_of_pose) = (1e6, 1e6);
     for (method, options) in [("surface", SurfaceOptions::default()), ("surface_blind", blind)] {
         let surface = Recogniser::Surface { model: model.clone(), options };
@@ -162,7 +162,8 @@ fn of_ours(config: &PpfPeer, played: &Played) -> Vec<Named> {
     played.steps.iter().filter(|step| config.counts.contains(&step.readings)).map(of).collect()
 }
 
-/// Writes the touches, runs the script and reads what it named; `None` without its module.
+/// Writes the touches, runs the script and reads the objects that it named; `None` without its
+/// module.
 fn ask_peer(
     config: &PpfPeer,
     model: &SurfaceModel,
@@ -268,7 +269,7 @@ struct Answers {
     ms_to_name_mean: f64,
 }
 
-/// Rows and figures of a method; gives its points of accuracy and of time.
+/// Adds rows and figures of a method; returns its points of accuracy and of time.
 fn report_method(
     report: &mut Report,
     config: &PpfPeer,
@@ -331,8 +332,8 @@ mod tests {
 
     #[test]
     fn a_peer_answers_the_same_touches_and_is_reported() {
-        // It gets 10 × 150 training and 10 × 6 test touches of 7 and 8 values; and names the
-        // first object, 20 ms later, wherever.
+        // It gets 10 × 150 training and 10 × 6 test touches of 7 and 8 values, and always names
+        // the first object, after 20 ms, at an arbitrary pose.
         let script = "test $(wc -l < $1/models.csv) = 1500 && test $(wc -l < $1/scenes.csv) = 60 \
             && test $(head -1 $1/scenes.csv | tr ',' '\\n' | wc -l) = 8 || exit 1\n\
             for object in 0 1 2 3 4 5 6 7 8 9; do for n in $2 $3; do \

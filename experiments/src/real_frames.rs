@@ -1,9 +1,9 @@
 //! Real frames of a 28 × 50 array without poses: recognition from one frame and from ten.
 //!
-//! Data: `frames.csv` of Gandarias et al. (2019), 18 objects of 30 frames each, not part of
-//! this project. Frames carry the number of their picture, which follows the order in which
-//! they were taken. Neighbours resemble each other, so that a split is by time: an object's
-//! frames in three runs of ten, each of which is tested once by models of the other two.
+//! Data: `frames.csv` of Gandarias et al. (2019), 18 objects of 30 frames each, not part of this
+//! project. Frames carry the number of their picture, which follows the order in which they were
+//! taken. Since successive frames resemble each other, folds are split by time: an object's
+//! frames form three runs of ten, and models of two runs are tested on the third.
 
 use std::path::{Path, PathBuf};
 
@@ -44,7 +44,7 @@ pub struct RealFrames {
     pub trials: usize,
 }
 
-/// A way to learn: its name in the rows, its prefix in the summary, and its configuration.
+/// A configuration of learning, with its name in the rows and its prefix in the summary.
 struct Method {
     name: &'static str,
     key: &'static str,

@@ -1,4 +1,4 @@
-//! The committed record of an experiment: `results/NAME.json`, an entry per command line.
+//! The committed record of an experiment: `results/NAME.json`, one entry per command line.
 //!
 //! A second run of a command replaces its entry. Rows, plot and pictures of the last run go to
 //! the folder `results/NAME`.
@@ -127,7 +127,8 @@ fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     std::fs::write(path, bytes).with_context(|| format!("cannot write {}", path.display()))
 }
 
-/// Six significant digits: more than any figure is worth, and records stay readable.
+/// Rounds to six significant digits, which exceeds the precision of any figure and keeps records
+/// readable.
 fn rounded(value: f64) -> f64 {
     format!("{value:.5e}").parse().unwrap_or(value)
 }

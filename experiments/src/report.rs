@@ -1,4 +1,4 @@
-//! What an experiment finds: rows of figures, and a summary by key.
+//! The findings of an experiment: rows of figures, and a summary by key.
 
 use std::collections::BTreeMap;
 
@@ -8,10 +8,10 @@ use serde_json::{Map, Value};
 /// One row of a report: column names to numbers, strings or null.
 pub type Row = Map<String, Value>;
 
-/// Hears how far an experiment is: what it does, steps done, steps in all.
+/// Callback for the progress of an experiment: current phase, steps done, steps in all.
 pub type Progress<'a> = &'a (dyn Fn(&str, usize, usize) + Sync);
 
-/// A report with what is drawn of it.
+/// A report with its plot and pictures.
 pub struct Outcome {
     /// The figures.
     pub report: Report,
@@ -24,9 +24,9 @@ pub struct Outcome {
 /// The figures of an experiment.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Report {
-    /// All figures, a row a measurement.
+    /// All figures, one row per measurement.
     pub rows: Vec<Row>,
-    /// The figures that goals are stated in, by key.
+    /// Figures by key, in which goals are stated.
     #[serde(rename = "figures")]
     pub summary: BTreeMap<String, f64>,
 }
@@ -37,11 +37,11 @@ impl Report {
         self.labelled(&[], row);
     }
 
-    /// Adds a row of texts, which say what is measured, and of the figures: the fields of a
+    /// Adds a row of labels, which name what is measured, and of figures: the fields of a
     /// struct, or none.
     ///
     /// # Panics
-    /// When the figures are neither.
+    /// When the figures are neither a struct nor none.
     pub fn labelled(&mut self, labels: &[(&str, &str)], figures: impl Serialize) {
         let label = |(name, text): &(&str, &str)| ((*name).to_owned(), Value::from(*text));
         let mut row: Row = labels.iter().map(label).collect();

@@ -1,8 +1,8 @@
-//! How long a restart takes until every open session's belief is answered again.
+//! Time from a restart until the beliefs of all open sessions are answered again.
 //!
 //! Sessions of the default method are filled over REST with touches of the built-in objects, and
-//! their beliefs are noted. Then the server is started again on the same folder,
-//! and several clients ask for all beliefs: each must be the same, to the last bit. Client and
+//! their beliefs are noted. Then the server is started again on the same folder, and several
+//! clients request all beliefs, each of which must be the same to the last bit. Client and
 //! server share the machine.
 
 use std::collections::BTreeMap;
@@ -26,7 +26,7 @@ use crate::own_server::{OwnServer, block_on};
 use crate::report::{Outcome, Progress, Report};
 use crate::server_throughput::{CATALOGUE, ServerThroughput, numbered, prepare};
 
-/// How many clients ask at the same time.
+/// Number of concurrent clients.
 const CLIENTS: usize = 8;
 
 /// Arguments of `restart`.
@@ -43,15 +43,15 @@ pub struct Restart {
     pub readings: usize,
 }
 
-/// Sessions that were filled before the restart.
+/// Sessions filled before the restart.
 struct Filled {
-    /// What each believed.
+    /// Belief of each session before the restart.
     beliefs: Arc<Vec<Belief>>,
-    /// How long the filling took, seconds.
+    /// Time of the filling, seconds.
     seconds: f64,
 }
 
-/// Fills a server of its own, starts it again and asks for what it knew.
+/// Fills a server of its own, starts it again and requests the beliefs of all sessions.
 ///
 /// # Errors
 /// When the server cannot be started or refuses something, or training fails.
@@ -94,8 +94,7 @@ async fn fill(config: &Restart, client: &Client, progress: Progress<'_>) -> anyh
     Ok(Filled { beliefs: Arc::new(beliefs), seconds: begun.elapsed().as_secs_f64() })
 }
 
-/// Asks the server that was started again for all beliefs. `start_seconds` is the time until it
-/// listened.
+/// Requests all beliefs from the restarted server. `start_seconds` is the time until it listened.
 async fn ask(
     config: &Restart,
     filled: Filled,

@@ -1,5 +1,5 @@
-//! Sensors that are not what was trained with: another covering, another physics, taxels
-//! that answer too much, too little or not at all.
+//! Sensors that differ from that of training: another covering, other physics, and taxels with
+//! too high, too low or no response.
 
 use std::ops::ControlFlow;
 
@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use crate::objects::TestObject;
 
-/// How readings are taken.
+/// Sensor, noise and physics of readings.
 #[derive(Clone, Debug)]
 pub struct Sensing {
     /// The sensor as it is built.
@@ -25,7 +25,7 @@ pub struct Sensing {
     pub physics: Physics,
     /// Standard deviation of the taxels' gains about 1; the controllers do not feel it.
     pub gain_spread: f64,
-    /// Row-major indices of taxels that read nothing, and nobody knows.
+    /// Row-major indices of dead taxels that are not reported as missing.
     pub dead: Vec<usize>,
     /// Row-major indices of taxels that are known to be missing.
     pub missing: Vec<usize>,

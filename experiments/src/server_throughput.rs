@@ -1,10 +1,10 @@
 //! Readings per second through the whole service: HTTP in, durable, belief out.
 //!
-//! The built-in objects are added as meshes and trained over REST; then 1 and 64 robots at
-//! once touch objects, each in a session of its own, and post the next reading when the
-//! belief after the last one has come (closed loop). Batches of 32 stand beside single
-//! readings. A session ends after ten readings (single) or one batch, and the next begins.
-//! Client and server share the machine, as in the figure of a fleet's smallest deployment.
+//! The built-in objects are added as meshes and trained over REST; then 1 and 64 robots at once
+//! touch objects, each in a session of its own, and post the next reading when the belief after
+//! the last one has come (closed loop). Batches of 32 stand beside single readings. A session
+//! ends after ten readings (single) or one batch, and the next begins. Client and server share
+//! the machine.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -30,7 +30,7 @@ use crate::report::{Outcome, Progress, Report};
 
 /// The catalogue that is trained.
 pub(crate) const CATALOGUE: &str = "throughput";
-/// Readings of a session before the robot turns to the next object.
+/// Readings of a session before the robot moves to the next object.
 const READINGS_PER_SESSION: usize = 10;
 const BATCH: usize = 32;
 
@@ -133,7 +133,7 @@ pub(crate) async fn prepare(
     touched.collect()
 }
 
-/// Posts about `n` readings; gives readings per second and the latencies in microseconds.
+/// Posts about `n` readings; returns readings per second and the latencies in microseconds.
 async fn measure(
     client: &Client,
     readings: &Arc<Vec<Vec<core_reading::Reading>>>,

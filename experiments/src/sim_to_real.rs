@@ -1,11 +1,11 @@
 //! Figure 4.20 again: letters learnt in simulation, recognised with another sensor.
 //!
-//! There is no physical sensor here, so a differently simulated one stands in its place.
-//! Learning takes presses of solid letters by the imaging model of chapter 2 without any
-//! noise (`sim::press`). Tests take the planned presses of the rig (`sim::rig`): first ideal,
-//! then with unequal gains, drift, noise, steps, tilt and misplacement, then with a response
-//! that is the square of the indentation. The remedies of section 4.4.4.3.2 come one by one:
-//! noise in training, the square root of every value in tests, a small blur in tests.
+//! There is no physical sensor here, so a different simulator replaces it. Learning takes
+//! presses of solid letters by the imaging model of chapter 2 without any noise (`sim::press`).
+//! Tests take the planned presses of the rig (`sim::rig`): first ideal, then with unequal gains,
+//! drift, noise, steps, tilt and misplacement, then with a response that is the square of the
+//! indentation. The remedies of section 4.4.4.3.2 come one by one: noise in training, the square
+//! root of every value in tests, a small blur in tests.
 
 use std::f64::consts::TAU;
 
@@ -35,20 +35,20 @@ use crate::report::{Outcome, Progress, Report};
 /// Counts of readings.
 const COUNTS: [usize; 11] = [1, 2, 3, 5, 8, 10, 15, 20, 30, 40, 60];
 
-/// How thick the solid letters are, metres: thicker than the covering.
+/// Thickness of the solid letters, metres; more than that of the covering.
 const THICKNESS: f64 = 3.0 * MM;
 
-/// Noise in training: the total width as a part of what is observed (about 30 % in print).
+/// Noise in training: total width as a share of the largest pressure (about 30 % in print).
 const TRAINING_NOISE: f64 = 0.3;
 
 /// Weight of each of the four neighbours in the small blur; the taxel itself has 1.
 const BLUR: f64 = 0.15;
 
-/// Half the side of the square in which simulated presses are drawn, metres: the rig's plan
-/// reaches as far.
+/// Half the side of the square in which simulated presses are drawn, metres: the extent of the
+/// rig's plan.
 const REACH: f64 = 10.2 * MM;
 
-/// Streams of simulated training, apart from the rig's.
+/// First index of the streams of simulated training, disjoint from the rig's.
 const STREAM_BASE: u64 = 1 << 61;
 
 /// Arguments of `sim-to-real`.
@@ -92,7 +92,7 @@ enum Tested {
     Same,
     /// The rig's planned presses, ideal: another imaging model.
     IdealRig,
-    /// The rig with what a mechanism and a calibrated array add.
+    /// The rig with the errors of a mechanism and of a calibrated array.
     Rig,
     /// The noisy rig with a squared response.
     SquaredRig,
@@ -190,8 +190,8 @@ fn squared(sensor: &SensorDescription) -> anyhow::Result<SensorDescription> {
     Ok(SensorDescription::new(SensorParameters { force_curve, ..parameters })?)
 }
 
-/// Presses of solid letters wherever the array meets them, through the imaging model: a
-/// model of touches that are centred on a stroke knows nothing of those beside it.
+/// Presses of solid letters wherever the array meets them, through the imaging model. Touches
+/// centred on a stroke alone would not represent touches beside it.
 fn presses(
     letters: &RaisedLetters,
     sensor: &SensorDescription,
@@ -267,7 +267,7 @@ fn bridged(
     })
 }
 
-/// Readings with other pressures, at their places.
+/// The same readings with other pressures.
 fn changed(
     readings: &[Vec<Reading>],
     sensor: &SensorDescription,

@@ -1,4 +1,4 @@
-//! `geometric` with solid maps: how large a box of poses it resolves.
+//! `geometric` with solid maps: accuracy by the size of the box of poses.
 //!
 //! Not in the dissertation, which says that its techniques generalise to three dimensions. Every
 //! box has its own trials: the object's pose is drawn uniformly from the box, and touches are

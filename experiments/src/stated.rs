@@ -1,6 +1,6 @@
-//! How well stated probabilities hold: telling unknown objects, calibration, the stop rule.
+//! Measures of stated probabilities: detection of unknown objects, calibration, the stop rule.
 //!
-//! Here are measures only; `unknown` plays the sessions. Intervals are Wilson's (1927) at 95 %.
+//! The sessions are played in `unknown`. Intervals are Wilson's (1927) at 95 %.
 
 use palpate_core::belief::answer::{assured, stopping_risk};
 
@@ -18,8 +18,9 @@ pub struct Stated {
 }
 
 impl Stated {
-    /// What probabilities say: those of the objects, the unknown last, of which one is the
-    /// truth. `untold_prior` is the prior of the unknown when nobody named it.
+    /// The statement of these probabilities: one per object, that of "none of these" last.
+    /// `truth` is the index of the true one. `untold_prior` is the prior of "none of these" if
+    /// it is the service's default.
     #[must_use]
     pub fn new(probabilities: &[f64], truth: usize, untold_prior: Option<f64>) -> Self {
         let unknown = probabilities.last().copied().unwrap_or(0.0);
@@ -33,8 +34,8 @@ impl Stated {
     }
 }
 
-/// The chance that a random positive scores above a random negative, ties half (Mann and
-/// Whitney, 1947); NaN without one of the two.
+/// Area under the ROC curve: probability that a random positive scores above a random negative,
+/// ties counted half (Mann and Whitney, 1947); NaN without positives or without negatives.
 #[must_use]
 pub fn auroc(scored: &[(f64, bool)]) -> f64 {
     let mut sorted = scored.to_vec();
@@ -53,7 +54,7 @@ pub fn auroc(scored: &[(f64, bool)]) -> f64 {
 /// One bin of a reliability diagram.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bin {
-    /// How many statements are in it.
+    /// Number of statements.
     pub count: usize,
     /// Their mean stated probability.
     pub stated: f64,
@@ -75,8 +76,8 @@ pub fn reliability(statements: &[Stated], n_bins: usize) -> Vec<Bin> {
     bins.filter(|bin| bin.count > 0).collect()
 }
 
-/// The mean distance between what is stated and what is right, over bins weighed by what is
-/// in them (Guo et al., 2017).
+/// Expected calibration error: mean distance between stated probability and share right, over
+/// bins weighted by their counts (Guo et al., 2017).
 #[must_use]
 pub fn expected_calibration_error(bins: &[Bin]) -> f64 {
     let total: usize = bins.iter().map(|bin| bin.count).sum();
@@ -98,8 +99,9 @@ pub fn wilson(hits: usize, n: usize) -> (f64, f64) {
     ((middle - half).max(0.0), (middle + half).min(1.0))
 }
 
-/// Of the sessions that are at some touch so sure that at most `doubt` is left, how many there
-/// are and how many of them are wrong at the first such touch: what the stop rule is fitted to.
+/// Number of sessions whose doubt, 1 − `assured`, falls to at most `doubt` at some touch, and
+/// the number of these that are wrong at the first such touch. The stop rule is fitted to these
+/// counts.
 #[must_use]
 pub fn crossings(sessions: &[Vec<Stated>], doubt: f64) -> (usize, usize) {
     let first = |steps: &Vec<Stated>| {
@@ -109,7 +111,7 @@ pub fn crossings(sessions: &[Vec<Stated>], doubt: f64) -> (usize, usize) {
     (found.len(), found.iter().filter(|is_right| !**is_right).count())
 }
 
-/// How sessions end under the stop rule.
+/// Results of sessions under the stop rule.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stops {
     /// Sessions that stopped.

@@ -7,13 +7,13 @@ use palpate_core::rng::{Purpose, Stream};
 /// Draws of a bootstrap.
 const DRAWS: u64 = 2_000;
 
-/// The mean; NaN for nothing.
+/// The mean; NaN without values.
 #[must_use]
 pub fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// The `share` quantile (0 to 1) by linear interpolation; NaN for nothing.
+/// The `share` quantile (0 to 1) by linear interpolation; NaN without values.
 #[must_use]
 pub fn quantile(values: &[f64], share: f64) -> f64 {
     let mut sorted = values.to_vec();
@@ -26,18 +26,18 @@ pub fn quantile(values: &[f64], share: f64) -> f64 {
     low + (high - low) * at.fract()
 }
 
-/// The median; NaN for nothing.
+/// The median; NaN without values.
 #[must_use]
 pub fn median(values: &[f64]) -> f64 {
     quantile(values, 0.5)
 }
 
-/// The standard error of the mean over groups: how far it would be off if the groups, such as
-/// objects or simulated sensors, were drawn again. Each value names its group; NaN for fewer
-/// than two groups.
+/// The standard error of the mean over groups: its deviation if the groups, such as objects or
+/// simulated sensors, were drawn again. Each value names its group; NaN for fewer than two
+/// groups.
 ///
-/// Trials of one group share its object, its readings or its sensor, so that their number
-/// says nothing of this error.
+/// Trials of one group share its object, its readings or its sensor, so that more of them do not
+/// reduce this error.
 #[must_use]
 pub fn standard_error_over_groups(values: impl IntoIterator<Item = (u64, f64)>) -> f64 {
     let mut sums: BTreeMap<u64, (f64, f64)> = BTreeMap::new();

@@ -1,12 +1,12 @@
-//! Ten objects under conditions that training did not have: what the surface recogniser bears.
+//! Ten objects under conditions that training did not have: robustness of the surface recogniser.
 //!
-//! Taxel noise (section 4.4.2.7: in training and in tests), an arm that is not where it says,
-//! an object that moves between touches (section 4.4.2.4), other sensors than trained with,
-//! and training from ideal presses of the CAD model with tests on the shifted simulator of
-//! section 4.4.4.3: squared response, gains, noise and steps of another array. The recogniser
-//! is told the sensor's taxels, and nothing of what is wrong; conditions that end in `_told`
-//! tell it how far the object may move, when it may have, or how far bases are off. In the same
-//! run the printed method (`literal`) plays a few shorter sessions of each condition.
+//! Taxel noise (section 4.4.2.7: in training and in tests), errors of the arm's pose, an object
+//! that moves between touches (section 4.4.2.4), sensors other than in training, and training
+//! from ideal presses of the CAD model with tests on the shifted simulator of section 4.4.4.3:
+//! squared response, gains, noise and steps of another array. The recogniser is told the
+//! sensor's taxels and no disturbance; conditions that end in `_told` tell it the range of the
+//! object's motion, the time of a motion, or the errors of the bases. In the same run the
+//! printed method (`literal`) plays a few shorter sessions of each condition.
 
 mod conditions;
 
@@ -64,7 +64,7 @@ pub struct SurfaceNoise {
     pub readings: usize,
 }
 
-/// Models of one way of training.
+/// Models from one kind of training readings.
 struct Learnt {
     model: Arc<SurfaceModel>,
     literal: Option<Recogniser>,
@@ -149,7 +149,7 @@ fn play(
     let n = test.len();
     let surface = Recogniser::Surface { model: learnt.model.clone(), options: condition.options };
     let surface = sessions.play(&surface, n, config.trials * n, progress)?;
-    // The printed method compares images taxel by taxel: another grid is none of its sensors.
+    // The printed method compares images taxel by taxel and cannot use another grid.
     let same_grid = condition.sensing.sensor.grid() == condition.trained.sensing()?.sensor.grid();
     sessions.readings = config.literal_readings.min(config.readings);
     let literal = match &learnt.literal {
@@ -192,7 +192,7 @@ fn report_condition(
     report_wrong(report, &[("condition", condition.key)], objects, wrong);
 }
 
-/// Conditions are many: six lines a panel.
+/// Panels of at most six lines each.
 fn panels(lines: Vec<Line>) -> Vec<Panel> {
     let mut panels = Vec::new();
     let mut lines = lines.into_iter().peekable();

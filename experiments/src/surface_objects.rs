@@ -1,9 +1,10 @@
 //! Ten objects by the surface recogniser, beside spatially varying appearance on equal readings.
 //!
-//! Section 5.5.1 with the recogniser of `palpate_recogniser::belief`; in the same run the service's
-//! `sva` and the printed method (`literal`, slow, hence fewer trials). Time is the processor
-//! time of one thread a reading, answer included, mean over all readings of the trials: what
-//! else the machine does hardly counts. Angles are taken modulo the symmetry of the mesh.
+//! Section 5.5.1 with the recogniser of `palpate_recogniser::belief`; in the same run the
+//! service's `sva` and the printed method (`literal`, slow, hence fewer trials). Time is
+//! processor time of one thread per reading, answer included, mean over all readings of the
+//! trials; other load on the machine hardly affects it. Angles are taken modulo the symmetry of
+//! the mesh.
 
 use std::time::Instant;
 
@@ -60,11 +61,11 @@ pub struct SurfaceObjects {
     pub sensor: SensorDescription,
 }
 
-/// A trained method and how its trials went.
+/// A trained method and its trials.
 struct Tested {
-    /// Its name in rows and plots.
+    /// Name in rows and plots.
     name: &'static str,
-    /// Before its keys of the summary; empty for the method that the experiment is about.
+    /// Prefix of its keys in the summary; empty for the method that the experiment is about.
     prefix: &'static str,
     bytes: usize,
     train_seconds: f64,
@@ -151,7 +152,7 @@ struct OfObject {
     plain_angle_error_deg_median: f64,
 }
 
-/// A row an object: its symmetry and how well it is placed at the end.
+/// Adds a row per object: its symmetry and the errors of its final poses.
 fn report_objects(
     report: &mut Report,
     config: &SurfaceObjects,

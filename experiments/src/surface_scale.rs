@@ -4,12 +4,11 @@
 //! as solids and procedural objects. Otherwise they are the given meshes, then those of the
 //! pool, the built-in objects and the given letters. All but the first come in an order drawn
 //! once for all seeds, and all are scaled to one size. Objects that the sampler cannot touch
-//! often enough are left out and named in a row.
-//! Only the letters [`LETTERS`] are taken: solids can be turned over, so that lower-case
-//! b, d, p and q, n and u are (nearly) one, as are M and W, N and Z, and in round fonts C and U,
-//! A and V. In the same run the printed method (`literal`) plays a few sessions.
-//! In a few more sessions of the largest the planner chooses the touches (`chosen`).
-//! Time is processor time of one thread a reading, answer included.
+//! often enough are left out and named in a row. Only the letters [`LETTERS`] are taken: solids
+//! can be turned over, so that lower-case b, d, p and q, n and u are (nearly) one, as are M and
+//! W, N and Z, and in round fonts C and U, A and V. In the same run the printed method
+//! (`literal`) plays a few sessions. In a few more sessions of the largest the planner chooses
+//! the touches (`chosen`). Time is processor time of one thread per reading, answer included.
 
 mod chosen;
 mod own;
@@ -45,7 +44,8 @@ pub const LETTERS: &str = "ABCDEFGHIJKLMNOPQRSTXY";
 /// Prefix of the names of letters.
 const LETTER: &str = "upper_";
 
-/// The seed of the order of objects: which ones a catalogue of fifty has is no matter of trials.
+/// Seed of the order of objects: the selection for a catalogue of fifty does not depend on the
+/// seed of the trials.
 const ORDER_SEED: u64 = 0;
 
 /// Arguments of `surface-scale`.
@@ -97,7 +97,7 @@ pub struct SurfaceScale {
     pub sensor: SensorDescription,
 }
 
-/// Objects with the readings that were taken of them.
+/// Objects with readings of them.
 struct Touched {
     objects: Vec<TestObject>,
     train: Vec<Vec<Reading>>,
@@ -118,7 +118,7 @@ pub fn run(config: &SurfaceScale, progress: Progress<'_>) -> anyhow::Result<Outc
     }
     if config.thousand {
         let Touched { objects, train, test } = touched;
-        // Memory is measured: only the meshes go on.
+        // Memory is measured, so that only the meshes are kept.
         drop((train, test));
         let growth = Growth::default();
         panels.extend(thousand::run(config, &growth, objects, &mut report, progress)?);
@@ -126,7 +126,7 @@ pub fn run(config: &SurfaceScale, progress: Progress<'_>) -> anyhow::Result<Outc
     Ok(Outcome { report, plot: svg(&panels), pictures: Vec::new() })
 }
 
-/// All objects there are, in the order in which catalogues take them.
+/// All candidate objects, in the order in which catalogues take them.
 fn candidates(config: &SurfaceScale, wanted: usize) -> anyhow::Result<Vec<TestObject>> {
     let size = config.first.size();
     let is_given =
@@ -202,12 +202,12 @@ fn touch(
     Ok(touched)
 }
 
-/// A row for an object that cannot be touched often enough.
+/// Adds a row for an object that cannot be touched often enough.
 fn report_left_out(report: &mut Report, object: &TestObject, error: &anyhow::Error) {
     report.labelled(&[("left_out", &object.name), ("because", &format!("{error:#}"))], ());
 }
 
-/// Trains and tests with the first `count` objects; gives a panel of accuracy.
+/// Trains and tests with the first `count` objects; returns a panel of accuracy.
 fn one_catalogue(
     config: &SurfaceScale,
     count: usize,
@@ -294,8 +294,8 @@ fn report_catalogue(
     state(&format!("trials_{count}"), played.after(1).count() as f64);
 }
 
-/// The accuracy of trials with letters and of all others: flat letters of one size share most
-/// of their surface.
+/// Adds the accuracy of trials with letters and with all other objects: flat letters of one size
+/// share most of their surface.
 fn report_letters(report: &mut Report, count: usize, objects: &[TestObject], played: &Played) {
     for (kind, letters) in [("letters", true), ("others", false)] {
         for readings in [4, 6] {
@@ -309,7 +309,7 @@ fn report_letters(report: &mut Report, count: usize, objects: &[TestObject], pla
     }
 }
 
-/// A row for each trial that names the wrong object after four or more readings.
+/// Adds a row for each trial that names the wrong object after four or more readings.
 fn report_late_wrong(
     report: &mut Report,
     method: &str,

@@ -1,15 +1,14 @@
 //! Section 5.5.1 again: ten objects by spatially varying appearance, literal and default.
 //!
-//! Methods see the same readings: the service's default, the same without the refinement
-//! of poses (`unrefined`), the default with the printed distance range of 30–160 mm
-//! (`printed_range`), the printed filter on the service's patches (`literal`, what a session of
-//! `sva_literal` does), and when asked for the printed filter on printed patches
-//! (`as_printed`, see `printed`).
-//! Each object is touched 1,000 times for training and 100 times for testing. A trial draws a
-//! pose (any rotation, ±200 mm along each axis) and presents test readings in random order;
-//! after each one both methods answer. Errors of pose count only when the identity is right,
-//! as in the dissertation; angles are plain, not modulo symmetry. The inertial error takes the
-//! mesh as a solid of uniform density.
+//! Methods see the same readings: the service's default, the same without the refinement of
+//! poses (`unrefined`), the default with the printed distance range of 30–160 mm
+//! (`printed_range`), the printed filter on the service's patches (`literal`, as in a session of
+//! `sva_literal`), and on request the printed filter on printed patches (`as_printed`, see
+//! `printed`). Each object is touched 1,000 times for training and 100 times for testing. A
+//! trial draws a pose (any rotation, ±200 mm along each axis) and presents test readings in
+//! random order; after each one both methods answer. Errors of pose count only when the identity
+//! is right, as in the dissertation; angles are plain, not modulo symmetry. The inertial error
+//! takes the mesh as a solid of uniform density.
 
 mod figures;
 mod printed;

@@ -1,10 +1,10 @@
-//! Symmetry found from touches alone, and by the mesh: true and false axes, seed by seed.
+//! Symmetries from touches alone and from the mesh: true and false axes, seed by seed.
 //!
 //! Ten solids and the same ten with a handle or a notch (`bodies`) are touched by the training
-//! sampler. Symmetry is discovered in the first touches of each seed as in a training by a
-//! robot, without the mesh; rows `mesh` are what a training that has the mesh decides. The truth
-//! is what the solids were made with. An axis is false when no turn about it that it claims is
-//! a symmetry, or not every: a fine turn of a round object is false, too.
+//! sampler. Symmetry is discovered from the first touches of each seed, as in a training by a
+//! robot without the mesh; rows `mesh` hold the decisions of a training with the mesh. The truth
+//! is the symmetry by construction. An axis is false unless every rotation about it that it
+//! claims is a symmetry; a finer order than the truth is false, too.
 
 mod bodies;
 
@@ -28,10 +28,10 @@ use crate::report::{Outcome, Progress, Report};
 use crate::statistics::median;
 use bodies::{Body, bodies};
 
-/// Axes are the same within this angle, rad: touches fix them to about a degree.
+/// Tolerance within which two axes are the same, rad; touches determine them to about a degree.
 const SAME_AXIS: f64 = 5.0 * DEG;
 
-/// From this many touches on, true symmetries are expected to be found.
+/// Number of touches from which true symmetries are expected to be found.
 const EXPECTED_FROM: usize = 300;
 
 /// Arguments of `symmetry`. Without a set of objects it takes twenty solids of known symmetry.
@@ -52,11 +52,11 @@ pub struct SymmetryTrials {
     pub touches: Vec<usize>,
 }
 
-/// Finding on one map.
+/// Result on one map.
 struct Trial {
     object: usize,
     touches: usize,
-    /// None while it is undetermined.
+    /// `None` if the symmetry is undetermined.
     orders: Option<Vec<AxisOrder>>,
     n_false: usize,
     is_whole: bool,

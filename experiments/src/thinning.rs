@@ -1,9 +1,9 @@
-//! Thinning (section 5.6.3): what is lost when an object keeps fewer of its training touches.
+//! Thinning (section 5.6.3): loss of accuracy when an object keeps fewer training touches.
 //!
-//! Every object is trained once; some touches of its map are kept, farthest first or drawn
-//! at random, the appearance space and what was learnt of each touch stay. The printed method
-//! (`literal`) learns from as many readings, drawn in the order in which they were taken.
-//! Time is processor time of one thread a reading, answer included.
+//! Every object is trained once; some touches of its map are kept, farthest first or drawn at
+//! random; the appearance space and the statistics of each touch stay. The printed method
+//! (`literal`) learns from equally many readings in the order in which they were taken. Time is
+//! processor time of one thread per reading, answer included.
 
 use std::sync::Arc;
 
@@ -76,7 +76,7 @@ enum Order {
     Random,
 }
 
-/// One thinned catalogue and how its trials went.
+/// One thinned catalogue and its trials.
 struct Tested {
     name: &'static str,
     kept: usize,
@@ -193,7 +193,7 @@ struct Loss {
     bytes_share: f64,
 }
 
-/// Loss against the most touches, farthest first.
+/// Adds the loss against the largest number of touches, farthest first.
 fn report_loss(report: &mut Report, config: &Thinning, tested: &[Tested]) {
     let Some(whole) = tested.first() else { return };
     for one in tested.iter().filter(|one| one.name != "literal") {
@@ -255,7 +255,7 @@ mod tests {
         let outcome = run(&config, &|_, _, _| ()).unwrap();
         let summary = &outcome.report.summary;
         assert!(summary["farthest_200_accuracy_at_4"] >= 0.75, "{summary:?}");
-        // All touches are the same touches in any order.
+        // Keeping all touches gives the same set in any order.
         assert!(summary["farthest_60_bytes"] < 0.5 * summary["farthest_200_bytes"]);
         assert!(summary.contains_key("random_60_accuracy_at_3"), "{summary:?}");
         assert!(summary.contains_key("literal_100_accuracy_at_4"), "{summary:?}");

@@ -1,16 +1,16 @@
-//! Objects that the catalogue does not know, truly held back: who tells them, and how far
-//! stated probabilities can be believed.
+//! Objects that are not in the catalogue: their detection, and the calibration of stated
+//! probabilities.
 //!
-//! The objects are dealt into folds; each fold in turn is left out, and the catalogue learns
+//! The objects are divided into folds; each fold in turn is left out, and the catalogue learns
 //! the rest as the service does: surfaces from nine readings in ten, the calibration from the
-//! tenth. Sessions touch known objects and left-out ones in a stated share. The answer after a
+//! tenth. Sessions touch known and left-out objects in a given proportion. The answer after a
 //! touch is the likeliest of all objects and "none of these"; the calibration error is taken
-//! over 15 bins of equal width of its probability. The prior of "none of these" is the share
-//! of the sessions that it is true of; the same sessions are played with the service's own, of
-//! which nobody said that it does not fit (`default_prior`).
-//! Objects are procedural ones of the seed, so that of every seed they are new; or given ones.
-//! The stop rule is fitted to the rows with a `doubt`, on a seed that is not reported.
-//! The printed method (`literal`) knows no such answer: its score is 1 − its best probability.
+//! over 15 bins of equal width of its probability. The prior of "none of these" is the share of
+//! sessions with unknown objects; the same sessions are also played with the service's default
+//! prior (`default_prior`). Objects are given ones, or procedural ones of the seed, so that
+//! every seed has new ones. The stop rule is fitted to the rows with a `doubt`, on a seed that
+//! is not reported. The printed method (`literal`) has no answer "none of these": its score is 1
+//! − its best probability.
 
 mod tables;
 
@@ -92,9 +92,9 @@ struct Verdict {
     known: Arc<[usize]>,
     /// Per touch: the probability of each known object, then of none of them.
     probabilities: Vec<Vec<f64>>,
-    /// Index of the truth among them.
+    /// Index of the truth among these probabilities.
     truth: usize,
-    /// The prior of "none of these" when it is the service's own and does not fit.
+    /// The prior of "none of these" if it is the service's default and not the true share.
     untold_prior: Option<f64>,
 }
 
@@ -112,17 +112,17 @@ impl Verdict {
     }
 }
 
-/// How sessions were played, and what their figures are called.
+/// Method of a set of sessions, and the names of its figures.
 #[derive(Clone, Copy)]
 struct Kind {
     method: &'static str,
-    /// Before the names of all its figures.
+    /// Prefix of the names of its figures.
     prefix: &'static str,
-    /// Before the touches or risks in them.
+    /// Part of the names before the number of touches or the risk.
     infix: &'static str,
 }
 
-/// Objects and what was felt of them.
+/// Objects and their readings.
 struct Touched {
     objects: Vec<TestObject>,
     train: Vec<Vec<Reading>>,

@@ -1,4 +1,4 @@
-//! Figure 2.6: what can be told apart, over the point spread and the force resolution.
+//! Figure 2.6: spatial acuity over the point spread and the force resolution.
 
 use palpate_core::sensor::covering::{Acuity, force_resolutions, spreads};
 use palpate_sim::plot::{Heat, heat_svg};
@@ -7,7 +7,7 @@ use serde::Serialize;
 use crate::report::Report;
 use crate::statistics::median;
 
-/// All positions of the count (section 2.4.1.1).
+/// Number of positions that are counted (section 2.4.1.1).
 const N_PLACES: usize = 51;
 
 #[derive(Serialize)]
@@ -42,7 +42,7 @@ pub(super) fn figure_2_6(report: &mut Report) -> String {
     }
     let places_ridge = ridge(&sigmas, &counts, f64::max);
     let pairs_ridge = ridge(&sigmas, &distances, f64::min);
-    // Where the finest resolution tells all 51 places apart, there is a plateau and no ridge.
+    // Where the finest resolution distinguishes all 51 places, there is a plateau and no ridge.
     let full = (N_PLACES as f64).log10();
     let rows = counts.chunks_exact(sigmas.len());
     let is_full: Vec<bool> =
@@ -69,10 +69,11 @@ pub(super) fn figure_2_6(report: &mut Report) -> String {
     ])
 }
 
-/// For every row the spread of the best value; of several, the (geometric) middle one.
+/// The spread of the best value in each row; of several equal values, the geometric mean of the
+/// first and the last spread.
 fn ridge(sigmas: &[f64], values: &[f64], better: fn(f64, f64) -> f64) -> Vec<f64> {
     let one = |row: &[f64]| {
-        // NaN is no value: `max` and `min` pass it over.
+        // `max` and `min` skip NaN, which stands for a missing value.
         let best = row.iter().copied().fold(f64::NAN, better);
         let same: Vec<usize> =
             (0..row.len()).filter(|index| (row[*index] - best).abs() < 1e-9).collect();

@@ -11,7 +11,7 @@ use crate::report::{Progress, Report};
 
 /// The numbers of layers of figure 2.3.
 const LAYERS: std::ops::RangeInclusive<usize> = 5..=10;
-/// How far from the centre is drawn, elements.
+/// Half width of the plot about the centre, elements.
 const DRAWN: i64 = 12;
 
 #[derive(Serialize)]

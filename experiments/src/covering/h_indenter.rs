@@ -21,7 +21,7 @@ use crate::report::Report;
 
 /// Orientations of table 2.1, degrees.
 const ANGLES: [f64; 4] = [0.0, 90.0, 30.0, 135.0];
-/// How deep the H is pressed, as a part of the covering.
+/// Indentation of the H as a share of the covering's thickness.
 const DEPTH: f64 = 0.5;
 /// The bars of the H: middle and size along x and y. 8 mm wide, 10 mm high, strokes of 2 mm;
 /// the dissertation does not give its own.
@@ -76,7 +76,8 @@ pub(super) fn table_2_1(slabs: &[PointResponse], report: &mut Report) -> anyhow:
     Ok(())
 }
 
-/// A point of the H's face in the sensor, which looks down at it: y is turned over.
+/// Maps a point of the H's face into the sensor frame, whose y axis is reversed because the
+/// sensor faces the H.
 fn in_sensor(degrees: f64, x: f64, y: f64) -> (f64, f64) {
     let turned = DQuat::from_rotation_z(degrees * DEG) * DVec3::new(x, y, 0.0);
     (turned.x, -turned.y)
@@ -134,7 +135,8 @@ mod tests {
 
     #[test]
     fn both_images_turn_the_same_way() {
-        // Slanted, the sharpest covering: an image turned the wrong way would not be alike.
+        // A slanted H under the sharpest covering: an image that is turned the wrong way would
+        // not correlate.
         use palpate_sim::elastic::{POISSON_RATIO, Slab, point_response};
         let slab = Slab { half_width: 16, n_layers: 4, poisson_ratio: POISSON_RATIO };
         let slab = point_response(&slab).unwrap();

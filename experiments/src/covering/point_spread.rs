@@ -99,7 +99,7 @@ fn calibration((sensor, run): &Run) -> anyhow::Result<Calibration> {
     Ok(fit_response(&run.response, sensor.grid(), saturation)?.calibration)
 }
 
-/// How many of a run's two faulty taxels are named rightly.
+/// Number of a run's two faulty taxels that the calibration identifies correctly.
 fn n_faults_found(calibration: &Calibration, run: &IndentationRun) -> u32 {
     let state = |taxel: usize| calibration.taxels()[taxel].state;
     let is_crossed = |(wrong, answers)| state(wrong) == TaxelState::CrossWired { answers };

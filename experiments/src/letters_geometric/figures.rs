@@ -15,7 +15,7 @@ use crate::statistics::{mean, median, standard_error_over_groups};
 /// Pixels of a map's cell.
 const CELL_PIXELS: usize = 8;
 
-/// After how many readings the summary states figures.
+/// Numbers of readings whose figures the summary states.
 const STATED_AT: [usize; 8] = [1, 3, 5, 9, 12, 15, 20, 46];
 
 /// The maps of the first seed as pictures.
@@ -29,7 +29,7 @@ pub(super) fn maps(letters: &[TestLetter], lab: &Lab) -> Vec<(String, Vec<u8>)> 
     letters.iter().zip(&lab.model.maps).filter_map(picture).collect()
 }
 
-/// Rows for every method and number of readings, for confusions, and the summary.
+/// Adds rows for every method and number of readings, rows for confusions, and the summary.
 pub(super) fn report(
     report: &mut Report,
     config: &LettersGeometric,
@@ -103,7 +103,7 @@ fn summarise(report: &mut Report, config: &LettersGeometric, method: &Method, st
             mean(&at().map(|s| right(s)).collect::<Vec<_>>()),
         );
         if config.seeds > 1 {
-            // A seed is a sensor: the trials of one share its gains and its maps.
+            // A seed is a sensor: the trials of one seed share its gains and its maps.
             let by_seed = at().map(|step| (step.seed, right(step)));
             state(&format!("standard_error_at_{readings}"), standard_error_over_groups(by_seed));
         }
@@ -113,7 +113,7 @@ fn summarise(report: &mut Report, config: &LettersGeometric, method: &Method, st
             state(&format!("inertial_error_mm_mean_at_{readings}"), mean(&inertial));
         }
     }
-    // The other methods are told the plane and answer nothing else.
+    // The other methods are given the plane, so that they have no error of height.
     if matches!(method.kind, Kind::Adaptive) {
         let errors = steps.iter().filter_map(|step| step.error);
         let heights: Vec<f64> = errors.map(|error| error.height / MM).collect();
@@ -121,8 +121,8 @@ fn summarise(report: &mut Report, config: &LettersGeometric, method: &Method, st
     }
 }
 
-/// How far stated probabilities of the named letter are from how often it is right: the mean
-/// over ten equal classes of probability, by their counts, of the first nine readings.
+/// Expected calibration error of the named letter over the first nine readings, with ten bins of
+/// equal width.
 fn calibration_error(steps: &[&Step]) -> f64 {
     let mut classes = [(0.0, 0.0); 10];
     let mut n = 0.0;
@@ -136,7 +136,7 @@ fn calibration_error(steps: &[&Step]) -> f64 {
 }
 
 /// The first number of readings from which all trials of a seed stay right; one more than a
-/// trial has when they never do.
+/// trial has if they never do.
 fn readings_to_100(config: &LettersGeometric, seed: u64, steps: &[&Step]) -> usize {
     let wrong = steps.iter().filter(|step| step.seed == seed && step.named != step.letter);
     wrong.map(|step| step.readings).max().unwrap_or(0).min(config.readings) + 1
@@ -166,7 +166,7 @@ fn confusions(
     }
 }
 
-/// Accuracy and errors against readings, filters apart.
+/// Plots accuracy and errors against readings, with separate panels per kind of filter.
 pub(super) fn plot(config: &LettersGeometric, methods: &[&Method], steps: &[Step]) -> String {
     let panel = |title: &str, y: &str, begin: &[&str], value: &dyn Fn(&[&Step]) -> f64| {
         let chosen = methods

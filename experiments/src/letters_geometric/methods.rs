@@ -1,4 +1,5 @@
-//! The methods that compete on letters: an entry each, made ready once a seed, a belief a trial.
+//! The methods that compete on letters. Each is prepared once per seed and begins one belief per
+//! trial.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -25,10 +26,10 @@ use palpate_dissertation::occupancy::{ClassTable, OccupancyGrid};
 
 use super::Lab;
 
-/// How far the letter may lie from where it was trained, along x and y, metres.
+/// Maximum offset of the letter from its trained place along x and y, metres.
 pub(super) const REACH: f64 = 10.0 * MM;
 
-/// Sparse filters leave out bins this many nats behind the best.
+/// Extent of a sparse filter, which leaves out bins this many nats behind the best.
 pub(super) const SPARSE: Extent =
     Extent::Sparse { nats: 40.0, reseed: Reseed::WhenWorseThanNothing };
 
@@ -37,7 +38,7 @@ pub(super) const SPARSE: Extent =
 pub(super) enum Table {
     /// The printed classifier.
     Literal,
-    /// That which training counted.
+    /// The table that training counted.
     Learnt,
 }
 
@@ -52,7 +53,7 @@ pub(super) struct Method {
     pub(super) kind: Kind,
 }
 
-/// How a method holds its belief.
+/// Representation of a method's belief.
 pub(super) enum Kind {
     /// Bins an object along x, y and angle.
     Histogram([usize; 3], Extent),
@@ -62,7 +63,8 @@ pub(super) enum Kind {
     Particles { n: usize, per_object: bool },
     /// The service's default: forces and the adaptive histogram.
     Adaptive,
-    /// Particles with other resampling: systematic, drawn when half are effective, random ones.
+    /// Particles with other resampling: systematic, below half the effective sample size, with
+    /// random ones added.
     ParticlesResampled { n: usize },
 }
 
@@ -110,7 +112,7 @@ pub(super) const METHODS: [Method; 22] = [
         "particles_10000_each",
         Kind::Particles { n: 10_000, per_object: true },
     ),
-    // What the options of the last row bring one by one: resampling, table, exponent.
+    // The options of the last row one by one: resampling, table, exponent.
     literal(
         "particles-1000-resampled",
         "particles_1000_resampled",
@@ -138,7 +140,7 @@ pub(super) const METHODS: [Method; 22] = [
 ];
 
 impl Method {
-    /// How many hypotheses the method begins with, of all letters.
+    /// Number of hypotheses of all letters at the beginning.
     pub(super) fn hypotheses(&self, n_letters: usize) -> usize {
         match self.kind {
             Kind::Adaptive => {
@@ -160,7 +162,7 @@ impl Method {
 
 /// A belief about one trial.
 pub(super) trait Belief {
-    /// Takes a reading (session frame).
+    /// Adds a reading (session frame).
     fn add(&mut self, reading: &Reading);
     /// The letters' probabilities, which sum to 1.
     fn identities(&self) -> Vec<f64>;
@@ -168,7 +170,7 @@ pub(super) trait Belief {
     fn pose(&self, letter: usize) -> Option<Pose>;
 }
 
-/// A method made ready for a seed's maps.
+/// A method prepared for a seed's maps.
 pub(super) struct Prepared<'a> {
     method: &'a Method,
     lab: &'a Lab,
@@ -177,7 +179,7 @@ pub(super) struct Prepared<'a> {
     adaptive: Option<GeometricBelief>,
 }
 
-/// Bins over where the letters of the trials may lie.
+/// Bins over the possible poses of the trials' letters.
 pub(super) fn planar_bins(n: [usize; 3]) -> PlanarBins {
     PlanarBins { n, center: DVec2::ZERO, half: DVec2::splat(REACH) }
 }
@@ -206,8 +208,8 @@ impl<'a> Prepared<'a> {
         Self { method, lab, histogram, fields, adaptive }
     }
 
-    /// The belief of a trial before its first reading; what is random in it comes from the
-    /// seed and the trial's number.
+    /// The belief of a trial before its first reading; its random numbers come from the seed and
+    /// the trial's number.
     pub(super) fn belief(&self, trial: u64) -> Box<dyn Belief + '_> {
         if let Some(belief) = &self.adaptive {
             return Box::new(Adaptive { belief: belief.clone(), sensor: &self.lab.sensor });

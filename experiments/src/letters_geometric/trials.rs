@@ -1,4 +1,4 @@
-//! The trials of one method and seed, and what it answers after every reading.
+//! The trials of one method and seed, and its answers after every reading.
 
 use glam::DVec3;
 use palpate_core::metric::planar_angle_error;
@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::methods::{Prepared, REACH};
 use super::{Lab, LettersGeometric, TestLetter};
 
-/// After how many readings the pose is asked for: a particle filter's mode is costly.
+/// Numbers of readings after which the pose is estimated; the mode of a particle filter is costly.
 pub(super) const POSES_AT: [usize; 12] = [1, 2, 3, 4, 5, 7, 9, 12, 15, 20, 30, 46];
 
 /// A method's answer after one reading of one trial.
@@ -21,18 +21,18 @@ pub(super) struct Step {
     pub(super) readings: usize,
     pub(super) named: usize,
     pub(super) probability: f64,
-    /// When the letter is right and the pose was asked for.
+    /// Error of the pose; `None` if the letter is wrong or the pose was not estimated.
     pub(super) error: Option<PoseError>,
 }
 
-/// How far an answer is off, modulo the letter's symmetry.
+/// Error of an answer, modulo the letter's symmetry.
 #[derive(Clone, Copy)]
 pub(super) struct PoseError {
     /// Error of the letter's centroid in the plane, metres.
     pub(super) translation: f64,
-    /// Radians.
+    /// Error of the angle in the plane, rad.
     pub(super) angle: f64,
-    /// Metres, in the plane.
+    /// Inertial error in the plane, metres.
     pub(super) inertial: f64,
     /// Error of the face along the plane's normal, metres.
     pub(super) height: f64,

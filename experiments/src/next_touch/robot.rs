@@ -1,7 +1,7 @@
 //! A robot that presses along rays from outside and may miss, and how it chooses them.
 //!
-//! It knows about where the object is (the middle and the size of its bounds), and what the
-//! recogniser told it. The n-th random ray of a trial is the same for every policy, and so is
+//! It knows roughly where the object is (the centre and the size of its bounds), and the
+//! recogniser's answers. The n-th random ray of a trial is the same for every policy, and so is
 //! the noise of the n-th press. Rays are `session_from_sensor`, along +z.
 
 use std::f64::consts::TAU;
@@ -18,25 +18,25 @@ use palpate_sim::press::PressSimulator;
 use palpate_sim::sampler::rays::{RayConfig, draw_ray};
 use palpate_sim::sampler::{SamplerConfig, touch_anywhere};
 
-/// How the next press is chosen.
+/// Choice of the next press.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Policy {
     /// Random approach rays, pressed where they land.
     Random,
-    /// Random approach rays; a contact off the middle is centred.
+    /// Random approach rays; a contact off the array's centre is centred.
     RandomRecentered,
     /// Against the normal of an earlier contact, moved and tilted a little; centred.
     NearEarlier,
     /// Against a mapped touch of a hypothesis drawn from the belief; centred.
     Directed,
-    /// The best of our approaches by expected information; centred.
+    /// The best of the planner's own approaches by expected information; centred.
     Information,
-    /// Guided to the surface as by a camera: never misses.
+    /// Guided to the surface as by a camera, never missing.
     Sampler,
 }
 
 impl Policy {
-    /// All, from knowing nothing to knowing everything.
+    /// All policies, in order of increasing knowledge.
     pub const ALL: [Self; 6] = [
         Self::Random,
         Self::RandomRecentered,
@@ -46,7 +46,7 @@ impl Policy {
         Self::Sampler,
     ];
 
-    /// Its name in rows, plots and keys.
+    /// Name in rows, plots and keys.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -60,11 +60,11 @@ impl Policy {
     }
 }
 
-/// How far a press near an earlier contact is moved along the surface and tilted, at most.
+/// Maximum shift along the surface (metres) and tilt (rad) of a press near an earlier contact.
 const NEAR: f64 = 25.0 * MM;
 const NEAR_TILT: f64 = 30.0 * DEG;
 
-/// How far outside such a press begins, metres.
+/// Distance outside the surface at which such a press begins, metres.
 const STAND_OFF: f64 = 120.0 * MM;
 
 /// A robot in front of one object.
@@ -73,15 +73,15 @@ pub struct Robot<'a> {
     pub simulator: &'a PressSimulator,
     /// Pose of the object.
     pub session_from_object: Pose,
-    /// How it chooses.
+    /// Policy for the next press.
     pub policy: Policy,
-    /// Names the trial's streams.
+    /// Part of the key of the trial's random streams.
     pub seed: u64,
-    /// Names the trial's streams.
+    /// Part of the key of the trial's random streams.
     pub trial: usize,
 }
 
-/// A press: what came of it.
+/// Result of a press.
 pub struct Pressed {
     /// Reading for the recogniser; `None` when the sensor felt something and did not come to rest.
     pub reading: Option<Reading>,

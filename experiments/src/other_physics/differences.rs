@@ -1,4 +1,5 @@
-//! How touches of two simulators differ: at the same poses, and in where they come to rest.
+//! Differences between the touches of two simulators: at the same poses, and in the poses at
+//! which the sensor comes to rest.
 
 use glam::DVec3;
 use palpate_core::contact::CONTACT_SHARE;
@@ -15,7 +16,7 @@ use crate::objects::TestObject;
 use crate::report::Report;
 use crate::statistics::{mean, median, quantile};
 
-/// How an aspect of touches is distributed.
+/// Distribution of one aspect of touches.
 #[derive(Serialize)]
 struct Spread {
     touches: usize,
@@ -31,7 +32,7 @@ impl Spread {
     }
 }
 
-/// Rows and figures of how `other` readings differ from `own` ones at the same poses.
+/// Adds rows and figures of the differences between `other` and `own` readings at the same poses.
 pub(super) fn report(
     report: &mut Report,
     name: &str,
@@ -78,14 +79,14 @@ pub(super) fn report(
     report.summarise(&format!("{name}_touches_lost"), f64::from(lost));
 }
 
-/// Taxels that touch: at least half of the maximum.
+/// Number of taxels in contact: those with at least half of the maximum pressure.
 fn area(reading: &Reading) -> usize {
     let image = reading.image();
     let bar = CONTACT_SHARE * image.max();
     image.pressures.iter().filter(|pressure| **pressure >= bar).count()
 }
 
-/// Rows and figures of how far touches lie above the mesh where their sensor came to rest.
+/// Adds rows and figures of the height of touches above the mesh at the sensor's resting poses.
 pub(super) fn report_heights(
     report: &mut Report,
     name: &str,
@@ -109,8 +110,8 @@ pub(super) fn report_heights(
     }
 }
 
-/// How far a point lies above the nearest face of a mesh that looks the same way as `normal`
-/// (along the face's normal, metres), and the angle between the two normals.
+/// Height of a point above the nearest face of a mesh whose normal is within 60° of `normal`
+/// (along the face's normal, metres), and the angle between the two normals (rad).
 fn above(mesh: &Mesh, point: DVec3, normal: DVec3) -> [f64; 2] {
     let mut best = (f64::INFINITY, [0.0; 2]);
     for triangle in 0..mesh.triangles().len() {

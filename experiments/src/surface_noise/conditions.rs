@@ -1,4 +1,4 @@
-//! The conditions: what was trained with, what is tested with, and what comes between.
+//! The conditions: sensors of training and of tests, and disturbances between touch and session.
 
 use anyhow::Context as _;
 use palpate_core::reading::Looseness;
@@ -12,13 +12,14 @@ use palpate_sim::noise::NoiseLevel;
 use crate::disturbance::{Disturbance, stated};
 use crate::sensing::Sensing;
 
-/// Taxels that fail: one in the middle, one near a corner (row-major of six by six).
+/// Row-major indices of the failing taxels in the 6 × 6 array: one in the middle, one near a
+/// corner.
 const FAILED: [usize; 2] = [14, 28];
 
-/// Readings after which an object moves that moves once.
+/// Number of readings before the single motion of an object.
 const JOLTED: usize = 10;
 
-/// How training readings are taken.
+/// Sensor of the training readings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Trained {
     /// By the 6 × 6 preset.
@@ -47,17 +48,17 @@ impl Trained {
 /// One condition.
 #[derive(Clone, Debug)]
 pub struct Condition {
-    /// Its part of the summary's keys.
+    /// Part of the summary's keys.
     pub key: &'static str,
-    /// Its name in plots.
+    /// Name in plots.
     pub name: &'static str,
-    /// How training readings are taken.
+    /// Sensor of the training readings.
     pub trained: Trained,
-    /// How test readings are taken.
+    /// Sensing of the test readings.
     pub sensing: Sensing,
-    /// What comes between a touch and the session.
+    /// Disturbance between a touch and the session.
     pub disturbance: Disturbance,
-    /// How the recogniser works: as always, unless it is told something.
+    /// Options of the recogniser: the defaults, unless it is told of the disturbance.
     pub options: SurfaceOptions,
 }
 
@@ -106,7 +107,7 @@ pub fn conditions(size: f64) -> anyhow::Result<Vec<Condition>> {
             options: told,
             ..disturbed("moving_told", "object moves, told", Disturbance::Moving(moves))
         },
-        // None of the recogniser's amplitudes: between two of them, and more than any.
+        // Not an amplitude of the recogniser's: between two of them, and above all of them.
         disturbed("little_moving", "moves little", Disturbance::Moving(moving(0.05, 5.0))),
         disturbed("far_moving", "moves far", Disturbance::Moving(moving(0.4, 40.0))),
         disturbed("jolt", "moves once", jolt(false)),

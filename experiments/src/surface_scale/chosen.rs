@@ -1,9 +1,9 @@
-//! Touches that the recogniser chooses: what a robot gains that asks where to touch next.
+//! Touches that the recogniser chooses: the gain of a robot that follows the next-touch planner.
 //!
 //! The first two touches of a session are those of the random sessions; from the third on the
-//! robot presses where the planner ranks its own approaches best (`next_touch`), centres what
-//! it met off the middle, and tries again when it meets nothing. Presses that met nothing are
-//! evidence, and no touches.
+//! robot presses where the planner ranks its own approaches best (`next_touch`), centres
+//! contacts off the array's centre, and tries again after a miss. Misses are evidence but not
+//! touches.
 
 use std::sync::Arc;
 
@@ -22,20 +22,20 @@ use crate::objects::TestObject;
 use crate::report::{Progress, Report};
 use crate::statistics::mean;
 
-/// Touches that are not chosen.
+/// Number of touches that are not chosen.
 const GIVEN: usize = 2;
 
 /// Readings a session.
 const READINGS: usize = 6;
 
-/// Presses without a touch after which a robot guides itself to the surface once.
+/// Maximum number of presses without a touch, after which the robot is guided to the surface once.
 const PRESSES_MAX: usize = 10;
 
 /// Answers of a session after each of its touches.
 struct Chosen {
     /// Whether the right object was named.
     right: Vec<bool>,
-    /// Presses for the chosen touches, those that met nothing included.
+    /// Presses for the chosen touches, misses included.
     presses: usize,
 }
 
@@ -46,7 +46,7 @@ struct Recognised {
     accuracy: f64,
 }
 
-/// Plays the first trials of each object with chosen touches; adds rows and figures.
+/// Plays the first trials of each object with chosen touches; adds rows and figures to the report.
 pub(super) fn run(
     config: &SurfaceScale,
     model: &Arc<SurfaceModel>,
@@ -110,14 +110,14 @@ fn play(
             belief.add(&reading, &config.sensor);
             contacts.push(reading);
         }
-        // A robot that came to no touch at all has learnt nothing.
+        // A session without any touch has learnt nothing.
         let named = belief.answer(1).best_object();
         chosen.right.push(named.is_some_and(|named| named.0 as usize == object));
     }
     Ok(chosen)
 }
 
-/// A touch that the planner chose; a press that met nothing is taken into account and counted.
+/// A touch that the planner chose; a miss is added to the belief and counted.
 fn chosen_touch(
     planner: &Robot<'_>,
     guided: &Robot<'_>,

@@ -1,4 +1,4 @@
-//! Catalogues of ten to a thousand objects: what accuracy, time and memory do as they grow.
+//! Catalogues of ten to a thousand objects: accuracy, time and memory against size.
 //!
 //! The objects are those of the smaller catalogues but the letters, then procedural ones
 //! (`palpate_sim::shapes::assembled`), then members of the families of both (`families`). To
@@ -33,22 +33,22 @@ use crate::report::{Progress, Report};
 use crate::stated::wilson;
 use crate::statistics::{mean, quantile};
 
-/// How far catalogues grow.
+/// Sizes of the catalogues, and numbers of readings and sessions.
 #[derive(Clone, Debug)]
 pub(super) struct Growth {
-    /// Sizes of catalogues, rising; each is the beginning of the next.
+    /// Sizes of the catalogues, ascending; each catalogue contains the previous one.
     counts: Vec<usize>,
-    /// Procedural objects.
+    /// Number of procedural objects.
     assembled: usize,
-    /// Readings that an object is learnt from.
+    /// Training readings per object.
     train_readings: usize,
-    /// Of which pairs are tabled.
+    /// Patches per object whose pairs are indexed.
     pair_readings: usize,
-    /// Readings that an object is tested with.
+    /// Test readings per object.
     test_readings: usize,
-    /// Objects that the appearance space is learnt from.
+    /// Number of objects from which the appearance space is learnt.
     space_objects: usize,
-    /// Sessions with each catalogue, unless it has more objects: then one with each of them.
+    /// Minimum number of sessions per catalogue; a larger catalogue has one session per object.
     sessions: usize,
 }
 
@@ -72,7 +72,7 @@ impl Growth {
         self.counts.last().copied().unwrap_or(0)
     }
 
-    /// How the maps are made.
+    /// Configuration of the maps.
     fn surface(&self) -> SurfaceConfig {
         let layout =
             SurfaceLayout { pair_patches_max: self.pair_readings, ..SurfaceLayout::default() };
@@ -80,7 +80,7 @@ impl Growth {
     }
 }
 
-/// Readings a session.
+/// Readings per session.
 const READINGS: usize = 6;
 
 /// Figures of a catalogue of some size.
@@ -91,7 +91,7 @@ struct Measured {
     bytes: f64,
 }
 
-/// Adds the rows and figures of large catalogues; gives their panels.
+/// Adds the rows and figures of large catalogues; returns their panels.
 pub(super) fn run(
     config: &SurfaceScale,
     growth: &Growth,
@@ -122,8 +122,8 @@ pub(super) fn run(
     Ok(panels(&measured))
 }
 
-/// The parents of families: what is given but its letters, which as solids share most of their
-/// surface, and procedural objects.
+/// The parents of families: the given objects without letters, which as solids share most of
+/// their surface, and procedural objects.
 fn with_assembled(
     given: Vec<TestObject>,
     config: &SurfaceScale,
@@ -151,7 +151,8 @@ fn learn(
 ) -> anyhow::Result<(SurfaceModel, Vec<Vec<Reading>>)> {
     let (sensor, largest) = (&config.sensor, growth.largest());
     let mut test = Vec::with_capacity(largest);
-    // There are always more members; an error in every other one is no property of the objects.
+    // The families never end; if more than half of their members fail, the cause is not the
+    // objects.
     let mut objects = objects.take(2 * largest);
     let mut touched = || -> anyhow::Result<Vec<Reading>> {
         progress("touching objects", test.len(), largest);
@@ -197,8 +198,8 @@ struct OfFamilies {
     figures: Figures,
 }
 
-/// Plays sessions with a catalogue: on one thread for the time of one core, and the largest
-/// again on two threads for its slowest answers.
+/// Plays sessions with a catalogue: on one thread for the time of one core, and, for the
+/// largest, again on two threads to measure its slowest answers.
 fn measure(
     config: &SurfaceScale,
     growth: &Growth,
@@ -254,7 +255,7 @@ fn measure(
     Ok(Measured { count, accuracy: played.accuracy(READINGS), ms, bytes: surface.bytes() as f64 })
 }
 
-/// The slope of the line through points with the least squares.
+/// Slope of the least-squares line through points.
 fn slope(points: &[(f64, f64)]) -> f64 {
     let n = points.len() as f64;
     let (x, y) = points.iter().fold((0.0, 0.0), |sum, p| (sum.0 + p.0 / n, sum.1 + p.1 / n));
@@ -320,9 +321,9 @@ mod tests {
         for key in ["p99_ms_8", "rss_bytes_8", "ms_per_touch_8"] {
             assert!(summary[key].is_finite(), "{key}");
         }
-        // So few touches may take no time that the clock of a busy machine can tell.
+        // The time of this few touches may be below the clock's resolution.
         assert!(summary.contains_key("time_exponent"));
-        // Maps alike: bytes grow as the objects do.
+        // The maps have equal size, so that bytes grow linearly with the objects.
         let exponent = summary["memory_exponent"];
         assert!((0.7..1.3).contains(&exponent), "{exponent}");
         assert_eq!(report.rows.len(), 2 * READINGS);

@@ -1,9 +1,9 @@
 //! Chapter 5's appearance as printed, for `sva-objects --as-printed`.
 //!
-//! Features are compared by plain inner products, without the training mean taken off; the
-//! image is masked before it is turned; every class above T_a is kept; a patch lies at the
-//! sensor's centroid (sections 4.3.2.4 and 5.3.1-5.3.3). No class's spread has a floor that
-//! binds: with plain products affinities are so near 1 that the service's floor would.
+//! Features are compared by plain inner products, without the training mean taken off; the image
+//! is masked before it is turned; every class above T_a is kept; a patch lies at the sensor's
+//! centroid (sections 4.3.2.4 and 5.3.1-5.3.3). The floor of a class's spread is too low to
+//! bind; the service's would, since plain products bring affinities close to 1.
 
 use anyhow::Context as _;
 use glam::DVec3;
@@ -24,13 +24,13 @@ use palpate_dissertation::patch_pair::DistanceBins;
 use palpate_dissertation::sva::model::{ObjectMap, SvaModel};
 use rayon::prelude::*;
 
-/// Medoids are chosen among at most this many features (the cost is quadratic).
+/// Maximum number of features among which medoids are chosen (the cost is quadratic).
 const MEDOID_SAMPLE: usize = 2_000;
 
-/// Keeps a class of one feature from having no spread at all.
+/// Minimum spread, which keeps that of a class of one feature positive.
 const SPREAD_MIN: f64 = 1e-12;
 
-/// T_a as printed, and no limit on how many classes stay.
+/// T_a as printed, with no limit on the number of classes kept.
 const RULE: AssociationRule = AssociationRule { threshold: 0.75, max_classes: MAX_CLASSES };
 
 /// Appearance classes as printed.
@@ -82,8 +82,8 @@ impl Printed {
         })
     }
 
-    /// The maps of all objects over the printed distances of 30-160 mm, and how many classes
-    /// a patch belongs to in the mean.
+    /// The maps of all objects over the printed distances of 30-160 mm, and the mean number of
+    /// classes of a patch.
     pub(super) fn catalogue(
         &self,
         readings: &[Vec<Reading>],

@@ -32,11 +32,11 @@ fn a_small_run_on_a_folder_of_meshes_reports_every_key() {
     assert!(summary.contains_key("printed_range_accuracy_at_10"));
     assert_eq!(outcome.pictures.len(), 4, "front and back of both objects");
     assert!(outcome.plot.contains("polyline"));
-    // A hammer and a gear are told apart by the printed method too.
+    // The printed method also distinguishes a hammer from a gear.
     assert!(summary["as_printed_accuracy_at_10"] > 0.5, "{summary:?}");
     // T_a keeps some classes of 25, not all.
     let kept = summary["as_printed_classes_kept_mean"];
     assert!((1.0..10.0).contains(&kept), "{kept}");
-    // Ten rows for each of five methods, one of coverage an object, and the confusions.
+    // Ten rows for each of five methods, one row of coverage per object, and the confusions.
     assert!(outcome.report.rows.len() >= 5 * 10 + 2);
 }

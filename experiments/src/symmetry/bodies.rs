@@ -2,8 +2,9 @@
 //!
 //! Each is a stack of rings about z whose radius depends on the angle, closed at both ends; a
 //! seed decides the sizes. Handles stand off and notches lie away from the middle, each at least
-//! as wide as a contact, so that no turn keeps them: a dent alone would leave a ball any turn
-//! about the dent, so the ball has a handle that leans. Sizes in millimetres here; meshes in metres.
+//! as wide as a contact, so that no rotation preserves them. With a dent alone, a ball would
+//! keep every rotation about the dent; the ball therefore has a leaning handle. Sizes in
+//! millimetres here; meshes in metres.
 
 use std::f64::consts::{PI, TAU};
 
@@ -15,7 +16,7 @@ use palpate_sim::mesh::Mesh;
 
 use crate::objects::TestObject;
 
-/// Corners of a ring: every order that a body has divides them.
+/// Corners of a ring, a multiple of every order of the bodies.
 const AROUND: usize = 240;
 
 /// Rings of a body.
@@ -34,7 +35,7 @@ enum Mark {
     Notch { from: f64, to: f64, depth: f64, width: f64 },
 }
 
-/// A body and what it was made with.
+/// A body with its mark and its true symmetry.
 pub(super) struct Body {
     pub(super) object: TestObject,
     /// The orders of its axes, the highest first; none with a handle or a notch.
@@ -151,7 +152,7 @@ fn flat(angle: f64, n: u8) -> f64 {
     (0.5 * step).cos() / (angle.rem_euclid(step) - 0.5 * step).cos()
 }
 
-/// From 0 to 1 as `t` does, without an edge.
+/// Smooth step from 0 to 1.
 fn smooth(t: f64) -> f64 {
     let t = t.clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
@@ -202,8 +203,8 @@ fn solid(height: f64, radius: &Radius<'_>, mark: Option<Mark>) -> anyhow::Result
     Ok(Mesh::new(vertices, triangles)?)
 }
 
-/// A bar bent from one foot (x and z, mm) to another, its ends inside of the body: how far it
-/// stands off, its radius (mm), and how far it leans.
+/// A bar bent from one foot (x and z, mm) to another, its ends inside the body, with its
+/// distance from the body (mm), its radius (mm) and its lean.
 fn bow(
     [low, high]: [DVec2; 2],
     [off, thick, lean]: [f64; 3],

@@ -19,10 +19,10 @@ const N_BINS: usize = 15;
 /// Numbers of touches whose figures the summary states.
 const STATED_AT: [usize; 5] = [2, 4, 6, 8, 10];
 
-/// Doubts at which the sessions that stop there are counted.
+/// Levels of doubt at which stopping sessions are counted.
 const DOUBTS: [f64; 10] = [0.3, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 0.000_1];
 
-/// Risks that a client names, and their names in keys.
+/// Risks that a client accepts, and their names in keys.
 const RISKS: [(f64, &str); 4] = [(0.1, "0_1"), (0.05, "0_05"), (0.01, "0_01"), (0.001, "0_001")];
 
 #[derive(Serialize)]
@@ -87,7 +87,7 @@ struct AfterReadings {
     calibration_error: f64,
 }
 
-/// The row and the figures after this many touches.
+/// Adds the row and the figures after this many touches.
 fn report_after(report: &mut Report, kind: Kind, readings: usize, verdicts: &[Verdict]) {
     let share = |of: &dyn Fn(&Verdict) -> bool, within: &dyn Fn(&Verdict) -> bool| {
         let n = verdicts.iter().filter(|v| within(v)).count();
@@ -131,8 +131,8 @@ fn report_after(report: &mut Report, kind: Kind, readings: usize, verdicts: &[Ve
     }
 }
 
-/// The area under the curve of telling unknown objects; the printed method has no answer for
-/// them, so that how little it believes its own is the score.
+/// Area under the ROC curve for the detection of unknown objects; the printed method has no such
+/// answer, so that its score is 1 − its best probability.
 fn area_after(readings: usize, verdicts: &[Verdict]) -> f64 {
     let score = |v: &Verdict| {
         let stated = v.stated(readings);
@@ -226,7 +226,8 @@ struct Confused {
     times: usize,
 }
 
-/// A row an object: how its sessions went after six touches, and what is named instead.
+/// Adds a row per object: the results of its sessions after six touches, and the objects named
+/// instead.
 pub(super) fn report_confused(
     report: &mut Report,
     config: &Unknown,
