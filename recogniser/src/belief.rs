@@ -1,4 +1,4 @@
-//! Belief: the state of a session, and what it answers.
+//! Belief: the state of a session, and its answers.
 //!
 //! [`SurfaceBelief`] owns the state; the files here that are not `surface_belief` or `component`
 //! are functions from values to values.

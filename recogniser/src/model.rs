@@ -1,11 +1,11 @@
-//! The model: what is learnt of the objects of a catalogue, and how far evidence can be believed.
+//! The model: the learnt surfaces of a catalogue's objects, and the calibration of evidence.
 //!
-//! A [`SurfaceMap`] holds thinned touches ([`SurfacePatch`]), each once more with the surface bent
-//! about it ([`facet::Facet`]), voxels that find the patches near a point, a grid of what is
-//! material (`solid`), and a table of patch pairs by their geometry (`pair_table`); some pairs of
-//! all objects are in one table (`joint_pairs`). Appearance is a point of a catalogue-wide
-//! [`AppearanceSpace`]. Frames: the object's. Lengths in metres, single precision: 80 mm are known
-//! to 10 nm.
+//! A [`SurfaceMap`] holds thinned touches ([`SurfacePatch`]), a second form of each with the
+//! curved surface about it ([`facet::Facet`]), voxels that find the patches near a point, a grid
+//! of material (`solid`), and a table of patch pairs by their geometry (`pair_table`); some
+//! pairs of all objects are in one table (`joint_pairs`). Appearance is a point of a
+//! catalogue-wide [`AppearanceSpace`]. Frames: the object's. Lengths in metres, single
+//! precision: 80 mm has a resolution of 10 nm.
 
 pub mod agreement;
 pub mod appearance;
@@ -33,7 +33,7 @@ pub use patch::SurfacePatch;
 
 use joint_pairs::JointPairs;
 
-/// Objects from which a catalogue is large and has a joint pair table.
+/// Number of objects from which a catalogue is large and has a joint pair table.
 const JOINT_OBJECTS_MIN: usize = 32;
 
 /// The surfaces of all objects of a catalogue.
@@ -41,7 +41,7 @@ const JOINT_OBJECTS_MIN: usize = 32;
 pub struct SurfaceModel {
     /// The space of appearance.
     pub space: AppearanceSpace,
-    /// How evidence becomes probability.
+    /// Calibration that maps evidence to probability.
     pub calibration: EvidenceCalibration,
     maps: Vec<Arc<SurfaceMap>>,
     joint_pairs: Option<Arc<JointPairs>>,

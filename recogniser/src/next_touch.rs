@@ -1,11 +1,11 @@
-//! Next touches: approaches ranked by the information that their outcome is expected to give.
+//! Next touches: approaches ranked by their expected information.
 //!
-//! Under every sample of the posterior an approach meets some part of the object's map, or misses
-//! (`footprint`); the information is how well these outcomes tell the samples apart
-//! (`information`). Identity counts first, the pose a tenth of it, and both by the probability of
-//! a contact (equations R25 to R27). Poses of approaches are `session_from_sensor`; the sensor
-//! moves along its own +z. Pure: the caller's `should_stop` bounds the time. Not here:
-//! controllers, which re-centre.
+//! Under every sample of the posterior an approach meets some part of the object's map, or
+//! misses (`footprint`); the information measures how well these outcomes distinguish the
+//! samples (`information`). The rank is the information on the identity plus a tenth of that on
+//! the pose, times the probability of a contact (equations R25 to R27). Poses of approaches are
+//! `session_from_sensor`; the sensor moves along its own +z. Pure: the caller's `should_stop`
+//! bounds the time. Not here: controllers, which re-centre.
 
 mod candidates;
 mod footprint;
@@ -26,54 +26,54 @@ use palpate_core::pose::Pose;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::units::MM;
 
-/// Worth of a bit on the pose beside one on the identity: knowing the pose makes the next touch
-/// worth more.
+/// Weight of a bit on the pose relative to one on the identity: a known pose makes the next
+/// touch more informative.
 const POSE_WORTH: f64 = 0.1;
 
-/// Deviations of an outcome's place and normal while no pose is known: poses of a single touch
-/// stand for all that lie between them. Metres, rad.
+/// Deviations of an outcome's place and normal while no pose is known: poses from a single touch
+/// represent all poses between them. Metres, rad.
 const SCATTER_OF_ONE: (f32, f32) = (4.0 * MM as f32, 0.35);
 
 /// Deviations of an outcome's place and normal later: metres, rad.
 const SCATTER_OF_POSES: (f32, f32) = (2.5 * MM as f32, 0.25);
 
-/// Variance of an outcome's appearance, in units of two touches of one place.
+/// Variance of an outcome's appearance, relative to that between two touches of one place.
 const SCATTER_OF_APPEARANCE: f32 = 4.0;
 
-/// A press that a robot can make: from a pose along its own +z until it feels something.
+/// A press that a robot can make: from a pose along its own +z until contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Approach {
-    /// Where the sensor starts.
+    /// Start pose of the sensor.
     pub session_from_sensor: Pose,
-    /// How far it goes at most, metres.
+    /// Maximum distance along the approach, metres.
     pub reach: f64,
-    /// What it costs the robot to try, in any unit, above 0.
+    /// Cost of the attempt, in any unit, above 0.
     pub cost: Option<f64>,
 }
 
 /// A ball in which the object lies.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Workspace {
-    /// Its middle, session frame, metres.
+    /// Its centre, session frame, metres.
     pub center: DVec3,
     /// Its radius, metres, above 0.
     pub radius: f64,
 }
 
-/// What is considered, and what the robot can do.
+/// Options of the ranking, and abilities of the robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NextTouchOptions {
-    /// Samples that are told apart, about.
+    /// Approximate number of posterior samples.
     pub n_hypotheses: usize,
-    /// How many approaches of our own are considered when none are given.
+    /// Number of own approaches if none are given.
     pub n_approaches: usize,
     /// Half the width of the sensor's array, metres.
     pub half_width: f64,
     /// Whether the robot centres a first contact before it presses.
     pub recenters: bool,
-    /// Where the object lies, as far as is known without a touch.
+    /// Ball in which the object lies, if known before any touch.
     pub workspace: Option<Workspace>,
-    /// Decides what is drawn at random.
+    /// Seed of all random draws.
     pub seed: u64,
 }
 
@@ -90,16 +90,16 @@ impl Default for NextTouchOptions {
     }
 }
 
-/// An approach and what it is worth.
+/// An approach with its expected information.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ranked {
-    /// Its place among the approaches that were given, or among our own.
+    /// Index among the given approaches, or among our own.
     pub index: usize,
     /// The approach.
     pub approach: Approach,
-    /// Expected information on which object it is, bits.
+    /// Expected information on the object's identity, bits.
     pub identity_bits: f64,
-    /// Expected information on its pose given which object it is, bits.
+    /// Expected information on the object's pose given its identity, bits.
     pub pose_bits: f64,
     /// The probability of a valid contact.
     pub contact_probability: f64,
@@ -118,11 +118,11 @@ impl Ranked {
 /// Approaches, best first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ranking {
-    /// Those that were evaluated.
+    /// The approaches that were evaluated.
     pub ranked: Vec<Ranked>,
     /// Uncertainty about the identity now, "none of these" included, bits.
     pub entropy_bits: f64,
-    /// How many there were to evaluate.
+    /// Number of approaches to evaluate.
     pub n_approaches: usize,
 }
 
@@ -134,22 +134,22 @@ impl Ranking {
     }
 }
 
-/// Why nothing can be ranked.
+/// Reason for which no approach can be ranked.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 pub enum NextTouchError {
-    /// Nothing says where the object is.
+    /// The object's place is unknown.
     #[error("nothing was touched yet, expected a workspace in which the object lies")]
     NoTouch,
 }
 
-/// Least probability of the known objects together: approaches are drawn from them even when the
-/// object is surely none of them.
+/// Least total probability of the known objects: approaches are drawn from them even if the
+/// object is certainly none of them.
 const KNOWN_MIN: f64 = 1e-9;
 
-/// Ranks `given` approaches, or our own when there are none, by what is expected of them.
+/// Ranks `given` approaches, or our own if there are none, by equation R27.
 ///
-/// `should_stop` is called before every approach but the first; what was evaluated until then
-/// is ranked. Equal arguments that evaluate equally many give equal answers.
+/// `should_stop` is called before every approach but the first; the approaches evaluated until
+/// then are ranked. Equal arguments give equal answers if the same number is evaluated.
 ///
 /// # Errors
 /// [`NextTouchError::NoTouch`] before the first touch without a workspace.
@@ -237,7 +237,7 @@ fn outcomes(
 fn contact_probability(outcomes: &[Outcome]) -> f64 {
     let total: f32 = outcomes.iter().map(|outcome| outcome.probability).sum();
     let met = outcomes.iter().filter_map(|o| Some(o.probability * o.met?.contact));
-    // A sum of nothing is −0.
+    // The sum of an empty iterator is −0.
     let contact = met.fold(0.0, |sum, contact| sum + contact);
     if total > 0.0 { f64::from(contact / total) } else { 0.0 }
 }
@@ -248,7 +248,7 @@ fn scatter(n_touches: usize) -> Scatter {
     Scatter { position, normal, appearance: SCATTER_OF_APPEARANCE }
 }
 
-/// Every object in poses drawn from those that keep it in the workspace.
+/// Samples of every object in random poses within the workspace.
 fn anywhere_in(
     belief: &SurfaceBelief,
     workspace: &Workspace,

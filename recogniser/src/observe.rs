@@ -1,6 +1,7 @@
-//! Observation: a reading becomes a touch, the touch an observation about the session's anchor.
+//! Observation: a reading becomes a touch, and the touch an observation relative to the
+//! session's anchor.
 //!
-//! Values only; no object of the catalogue is looked at here.
+//! These values do not depend on the objects of the catalogue.
 
 pub mod placement;
 pub mod press_space;

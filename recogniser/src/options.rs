@@ -14,7 +14,7 @@ pub struct TouchScale {
     pub along: f32,
     /// Observed normal about either axis, rad, without the patch's own scatter.
     pub normal: f32,
-    /// Share of touches whose normal tells only the side of the surface.
+    /// Share of touches whose normal gives only the side of the surface.
     pub normal_outliers: f32,
     /// Concentration of the stretch's double angle per product of the two elongations.
     pub direction: f32,
@@ -25,17 +25,17 @@ pub struct TouchScale {
     /// Softness of appearance for finding pairs: the variance of two touches of one place, in
     /// units of training.
     pub appearance: f32,
-    /// Softness of appearance for judging a pose: larger, since among many poses some look alike
-    /// by chance.
+    /// Softness of appearance for scoring a pose; larger, since among many poses some match by
+    /// chance.
     pub appearance_of_pose: f32,
 }
 
-/// All constants in units of the score, ln density. They move together: a change of the density of
-/// a touch changes what each of them means.
+/// All constants in units of the score, ln density. They depend on each other: a change of the
+/// density of a touch changes the meaning of each.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScoreScale {
-    /// Most that one touch is expected to score. Poses that cannot reach the bar with it are given
-    /// up. It is no strict bound: a rare appearance on a map of few patches can exceed it.
+    /// Expected maximum score of one touch. Poses that cannot reach the bar with it are dropped.
+    /// It is not a strict bound: a rare appearance on a map of few patches can exceed it.
     pub touch_max: f32,
     /// Mean score a touch below which the best pose is a poor explanation.
     pub poor: f32,
@@ -45,14 +45,14 @@ pub struct ScoreScale {
     pub drop_between: f32,
     /// Poses this far below the best add nothing to its share.
     pub alike_within: f32,
-    /// Most that a refined pose may lose: scores prefer poses on which touches lie on patches
+    /// Maximum loss of score by refinement: scores prefer poses on which touches lie on patches
     /// instead of between them.
     pub refined_loss_max: f32,
     /// Loss for each point that contradicts a pose (equation R11).
     pub contradiction: f32,
-    /// Most that one press loses by contradictions: sensors and maps err.
+    /// Maximum loss of one press by contradictions, since sensors and maps have errors.
     pub contradictions_max: f32,
-    /// Self-match score of most maps, a touch (equation R13).
+    /// Typical self-match score of a map, per touch (equation R13).
     pub self_match: f64,
     /// Share of the excess of the self-match score that counts for "none of these".
     pub self_match_share: f64,
@@ -65,10 +65,10 @@ pub struct ScoreScale {
 /// Deviations that refinement uses (equation R21).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RefinementScale {
-    /// Deviation of a touch from the surface, metres: below [`TouchScale::across`], which also
-    /// bears poses that are not refined yet.
+    /// Deviation of a touch from the surface, metres; less than [`TouchScale::across`], which
+    /// also allows for poses that are not refined yet.
     pub across: f32,
-    /// Patches this far along the surface still tell its height, metres.
+    /// Distance along the surface within which patches determine its height, metres.
     pub smoothing: f32,
     /// Factor by which the deviation of normals is enlarged.
     pub normal_factor: f32,
@@ -124,7 +124,7 @@ pub struct ManyBudget {
     pub partners: usize,
     /// Poses that one pair proposes for an object.
     pub proposals: usize,
-    /// Proposals that all touches judge: those that fit the other touches best.
+    /// Proposals scored by all touches: those that fit the other touches best.
     pub judged: usize,
     /// Cap on patches of an object whose pairs propose from the third touch on.
     pub paired: usize,
@@ -173,7 +173,7 @@ pub struct SurfaceOptions {
     pub merge_angle: f32,
     /// Probability of a pose from which nothing more is proposed, if it explains the touches well.
     pub certain: f64,
-    /// Prior probability that the object is none of the catalogue's.
+    /// Prior probability that the object is not in the catalogue.
     pub unknown: f64,
     /// Announced drift between any two touches: deviations along and about each axis.
     pub motion: Option<Looseness>,
@@ -258,7 +258,7 @@ mod tests {
     #[test]
     fn candidates_grow_as_the_root_of_the_catalogue() {
         let budget = SurfaceOptions::default().budget;
-        // Sixteen times the root, never more than there are.
+        // Sixteen times the root, at most the number of objects.
         assert_eq!([9, 400, 1_000, 10_000].map(|n| budget.n_listed(n)), [9, 320, 512, 1_600]);
     }
 }

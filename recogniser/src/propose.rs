@@ -1,4 +1,4 @@
-//! Proposal: which pairs of touches are used, and which poses of which objects they propose.
+//! Proposal: selection of pairs of touches, and the object poses that they propose.
 //!
 //! Beyond the dissertation; the key of a pair is that of Drost et al. (2010).
 

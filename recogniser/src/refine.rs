@@ -1,4 +1,4 @@
-//! Refinement: poses are laid continuously onto the surface, and those that are one are merged.
+//! Refinement: continuous improvement of poses on the surface, and merging of equal ones.
 
 pub(crate) mod likeness;
 pub(crate) mod merge;

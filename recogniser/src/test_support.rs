@@ -1,4 +1,4 @@
-//! What the tests of the recogniser share: an ellipsoid's surface, and touches of it.
+//! Support for the recogniser's tests: an ellipsoid's surface, and touches of it.
 
 use std::sync::Arc;
 
@@ -59,10 +59,10 @@ pub(crate) fn map_of(places: &[Touch]) -> SurfaceMap {
     SurfaceMap::new(DVec3::ZERO, patches, SurfaceLayout::default())
 }
 
-/// All features alike, and alike to those anywhere.
+/// A comparison under which all features are equal, also to those anywhere.
 pub(crate) const COMPARISON: Comparison = Comparison { softness: 1.0, density: 1.0 };
 
-/// What a session sees of a place when the object is at `session_from_object`.
+/// Observation of a place by a session with the object at `session_from_object`.
 pub(crate) fn seen(place: &Touch, session_from_object: &Pose) -> Observation {
     let touch = Touch {
         position: *session_from_object * place.position,
@@ -73,7 +73,7 @@ pub(crate) fn seen(place: &Touch, session_from_object: &Pose) -> Observation {
     Observation::compared(&touch, DVec3::ZERO, COMPARISON, COMPARISON)
 }
 
-/// A pose like that of an object in a session: turned by anything, half a metre away.
+/// A pose of an object in a session: random rotation, half a metre away.
 pub(crate) fn some_pose(index: u64) -> Pose {
     let mut stream = Stream::new(7, Purpose::ObjectPose, index);
     Pose::from_parts(stream.rotation(), 0.5 * stream.direction())
@@ -84,14 +84,14 @@ pub(crate) fn single(pose: &Pose) -> (glam::Quat, Vec3) {
     (pose.rotation.as_quat(), pose.translation.as_vec3())
 }
 
-/// How far a pose in single precision is from another: metres, rad.
+/// Error of a pose in single precision: metres, rad.
 pub(crate) fn error(rotation: glam::Quat, translation: Vec3, truth: &Pose) -> (f64, f64) {
     let rotation = DQuat::from_array(rotation.to_array().map(f64::from));
     let found = Pose::from_parts(rotation, translation.as_dvec3());
     (found.distance_to(truth), found.angle_to(truth))
 }
 
-/// A space in which everything looks alike.
+/// A space in which all appearances are equal.
 pub(crate) fn space() -> AppearanceSpace {
     let grid = *SensorDescription::digitacts_6x6().grid();
     let dimension = raw_descriptor(&grid).dimension() + 1;
@@ -111,7 +111,7 @@ pub(crate) fn model_of(objects: &[Vec<Touch>]) -> Arc<SurfaceModel> {
     Arc::new(SurfaceModel::new(space(), EvidenceCalibration::default(), maps))
 }
 
-/// Observations of a session, and what judges poses by them.
+/// Observations of a session, with the parts that score poses by them.
 pub(crate) struct Session {
     pub(crate) model: Arc<SurfaceModel>,
     pub(crate) options: SurfaceOptions,
@@ -121,7 +121,7 @@ pub(crate) struct Session {
 }
 
 impl Session {
-    /// No observation yet of one of these objects.
+    /// A session over these objects without observations.
     pub(crate) fn over(objects: &[Vec<Touch>], options: SurfaceOptions) -> Self {
         let (kernel, stop) = (Kernel::new(&options), Stop::never());
         Self { model: model_of(objects), options, touches: Vec::new(), kernel, stop }

@@ -1,8 +1,8 @@
 //! Training: an appearance space for all objects, and a thinned map of each.
 //!
 //! The space is learnt once from all objects together; each map depends on its own readings and
-//! the space alone. Two touches less than [`SAME_PLACE`] apart that face the same way are touches
-//! of one place, and the space ignores how they differ.
+//! the space alone. Two touches less than [`SAME_PLACE`] apart that face the same way are
+//! touches of one place; the space ignores their differences.
 
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
@@ -31,19 +31,19 @@ pub const SAME_PLACE: f64 = 3.0 * MM;
 /// Least cosine of the normals of two touches of one place.
 const SAME_FACING: f64 = 0.85;
 
-/// Pairs of touches of one place that the space is learnt from, at most.
+/// Maximum number of pairs of touches of one place from which the space is learnt.
 const PLACES_MAX: usize = 6_000;
 
-/// Pairs of touches of one place that the space is learnt from, at least: else a place is larger.
+/// Minimum number of such pairs; with fewer, the tolerance for one place grows.
 const PLACES_MIN: usize = 40;
 
-/// Features of touches anywhere that the space keeps.
+/// Number of features of touches anywhere that the space keeps.
 const ANYWHERE: usize = 2_000;
 
 /// Bounds of the deviation of normals about a patch, rad.
 const NORMAL_DEVIATION: std::ops::RangeInclusive<f32> = 0.08..=0.6;
 
-/// Deviation of normals (rad) as if one neighbour showed it: few neighbours say little.
+/// Prior deviation of normals (rad), with the weight of one neighbour.
 const NORMAL_DEVIATION_PRIOR: f32 = 0.15;
 
 /// Least cosine of the normals of two neighbours.
@@ -55,7 +55,7 @@ const SHRINKAGE: f64 = 0.02;
 /// Options of training.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceConfig {
-    /// Patches of a map, at most.
+    /// Maximum number of patches of a map.
     pub patches_max: usize,
     /// Layout of the maps.
     pub layout: SurfaceLayout,
@@ -94,7 +94,8 @@ pub fn learn_space(sets: &[TrainingSet<'_>], seed: u64) -> Result<AppearanceSpac
     let pairs = palpate_core::training::subsample(&pairs, PLACES_MAX, &mut stream);
     let mut projection = find_discriminants(&pairs, N_AXES, SHRINKAGE)
         .ok_or(TrainingError::Map(MapError::TooFew { found: pairs.len(), expected: 2 }))?;
-    // Of two touches each is half their difference from their mean: halved, they differ by 1.
+    // Each of two touches differs from their mean by half of their difference; after halving,
+    // the difference has unit covariance.
     projection.axes.iter_mut().flatten().for_each(|value| *value *= 0.5);
     let all: Vec<StoredFeature> =
         features.iter().flatten().map(|raw| stored(&project(&projection, raw))).collect();
@@ -102,8 +103,8 @@ pub fn learn_space(sets: &[TrainingSet<'_>], seed: u64) -> Result<AppearanceSpac
     Ok(AppearanceSpace::new(grid, projection, anywhere))
 }
 
-/// Raw features of touches that are of one place. Where touches are few a place is larger:
-/// until there are enough pairs, at last whatever way they face.
+/// Raw features of touches of one place. The tolerance grows until there are enough pairs; in
+/// the end the facing is ignored, too.
 fn pairs_of_places(touched: &[Vec<&Reading>], features: &[Vec<Vec<f64>>]) -> Vec<Vec<Vec<f64>>> {
     let facings = [SAME_FACING, SAME_FACING, SAME_FACING, SAME_FACING, -1.0];
     let mut pairs = Vec::new();
@@ -176,8 +177,8 @@ pub fn map_surface(
     Ok(SurfaceMap::new(origin, patches, config.layout))
 }
 
-/// The symmetry of an object as its touches show it, in the object frame whose
-/// origin lies at `origin_in_training` (metres).
+/// The symmetry of an object from its touches, in the object frame whose origin lies at
+/// `origin_in_training` (metres).
 #[must_use]
 pub fn find_symmetry(set: &TrainingSet<'_>, origin_in_training: DVec3) -> Finding {
     let single = |v: DVec3| v.to_array().map(|value| value as f32);
@@ -231,7 +232,7 @@ mod tests {
     use palpate_core::symmetry::{AxisOrder, PATCHES_MIN};
     use palpate_core::vocabulary::discriminant::Discriminant;
 
-    /// A press at a place (mm) on a face that looks along `normal`, as hard as `pressure` (Pa).
+    /// A press of `pressure` (Pa) at a place (mm) on a face with this `normal`.
     fn press(millimetres: [f64; 3], normal: DVec3, pressure: f64) -> Reading {
         let sensor = SensorDescription::digitacts_6x6();
         let turn = DQuat::from_rotation_arc(DVec3::Z, -normal);
@@ -276,12 +277,12 @@ mod tests {
     fn normals_scatter_as_far_as_the_neighbours_turn() {
         let turned = |angle: f32| Vec3::new(angle.sin(), 0.0, angle.cos());
         let at = |x: f32, angle: f32| (Vec3::new(x, 0.0, 0.0), turned(angle));
-        // Alone: what is assumed.
+        // Without neighbours: the prior.
         assert!((normal_deviation(0, &[at(0.0, 0.0), at(0.01, 0.0)]) - 0.15).abs() < 1e-6);
         // One neighbour 0.3 rad off: √((0.0225 + 2(1 − cos 0.3))/2) = 0.23645.
         let off = normal_deviation(0, &[at(0.0, 0.0), at(0.001, 0.3)]);
         assert!((off - 0.236_45).abs() < 1e-4, "{off}");
-        // Three neighbours that do not turn at all: √(0.0225/4) = 0.075, at least 0.08.
+        // Three neighbours with the same normal: √(0.0225/4) = 0.075, raised to 0.08.
         let flat: Vec<(Vec3, Vec3)> = (0..4).map(|n| at(0.000_5 * n as f32, 0.0)).collect();
         assert!((normal_deviation(1, &flat) - 0.08).abs() < 1e-6);
     }

@@ -1,7 +1,7 @@
-//! Verification: how well a pose explains what was felt, and what that is held against.
+//! Verification: scores of poses by the touches, and the null model with which they are compared.
 //!
-//! [`mod@reference`] is the model written plainly, in double precision, without look-up; the other
-//! modules are the same model made fast. [`check`] compares both.
+//! [`mod@reference`] is the direct form of the model in double precision without look-up; the
+//! other modules are fast versions of it. [`check`] compares both.
 
 pub mod check;
 pub(crate) mod density;

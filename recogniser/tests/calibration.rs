@@ -1,5 +1,5 @@
-//! How far the surface recogniser's probabilities can be believed: whatever the catalogue's
-//! size, and whatever it was learnt on. Analytic objects, no simulator.
+//! Calibration of the surface recogniser's probabilities, for any size of catalogue and any data
+//! of calibration. Analytic objects, no simulator.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
@@ -40,8 +40,8 @@ fn with_maps(maps: impl IntoIterator<Item = Arc<SurfaceMap>>) -> Arc<SurfaceMode
     Arc::new(MODEL.with_maps(maps.into_iter().collect()))
 }
 
-/// That an object with a prior of zero among `all` is as good as not there. The first one is
-/// ruled out, and touched.
+/// Checks that an object with a prior of zero has the same effect as its absence from `all`. The
+/// first object is ruled out and touched.
 #[track_caller]
 fn check_ruled_out(all: Vec<Arc<SurfaceMap>>) {
     let prior: Vec<f64> = (0..all.len()).map(|o| f64::from(u8::from(o > 0))).collect();
@@ -81,7 +81,7 @@ fn copies_of_an_object_do_not_change_the_odds_of_none_of_them() {
     for (after, (alone, many)) in alone.iter().zip(&many).enumerate() {
         let odds = |p: f64| (p / (1.0 - p)).ln();
         let grown = odds(*many) - odds(*alone);
-        // What the search of twenty objects leaves out is little.
+        // The search of twenty objects omits little.
         assert!(grown.abs() < 0.2, "after {} touches: {alone} {many}", after + 1);
     }
 }
@@ -119,8 +119,8 @@ fn touches_of(index: usize, n: usize, seed: u64) -> Vec<Reading> {
     (0..n).map(|_| touch_of(half, &six_by_six(), &mut stream)).collect()
 }
 
-/// The mean probability of "none of these" after each of `n` touches of these objects, when
-/// it is a half before.
+/// The mean probability of "none of these" after each of `n` touches of these objects, with a
+/// prior of a half.
 fn unknown_of(model: &Arc<SurfaceModel>, objects: std::ops::Range<usize>, n: usize) -> Vec<f64> {
     let last = model.maps().len();
     let all: Vec<Vec<Vec<f64>>> = objects
@@ -153,8 +153,8 @@ fn calibrated(model: Arc<SurfaceModel>) -> Arc<SurfaceModel> {
     Arc::new(Arc::unwrap_or_clone(model).with_calibration(calibration))
 }
 
-/// That of sessions of which half are of unknown objects, "none of these" is stated for a half
-/// in the mean after each touch.
+/// Checks that the mean probability of "none of these" is about a half after each touch when
+/// half of the sessions are with unknown objects.
 #[track_caller]
 fn check_half(model: &Arc<SurfaceModel>, n_touches: usize) {
     let known = unknown_of(model, 0..20, n_touches);
@@ -169,9 +169,9 @@ fn check_half(model: &Arc<SurfaceModel>, n_touches: usize) {
 fn a_catalogue_that_grows_to_sixty_objects_stays_calibrated() {
     let (small, large) = (calibrated(ellipsoids(3)), ellipsoids(60));
     let grown = Arc::new(Arc::unwrap_or_clone(large).with_calibration(small.calibration));
-    // Looks and pairs weigh as much among sixty objects as among three.
+    // Appearance and pairs have the same weight among sixty objects as among three.
     check_half(&grown, 2);
-    // How far poses can be believed depends on how alike the objects are.
+    // The calibration of poses depends on the similarity of the objects.
     let anew = calibrated(grown);
     assert_eq!(anew.calibration.basis, CalibrationBasis::HeldBack { objects: 60 });
     check_half(&anew, 6);

@@ -1,5 +1,5 @@
-//! Recorded beliefs: seeded sessions after every step, so that a change of code that is not meant
-//! to change beliefs is seen to change none.
+//! Recorded beliefs: seeded sessions after every step, which show that a change of code does not
+//! change beliefs.
 //!
 //! `tests/golden/beliefs.txt` has a line per step: the session, the step, a hash of the checkpoint,
 //! then the numbers of the answer. The numbers are compared to 1e-3, since the last bits of `exp`
@@ -32,7 +32,7 @@ use ellipsoids::*;
 
 const MOTION: Looseness = Looseness { position: 2.5 * MM, angle: 0.05 };
 
-/// What happens to a session.
+/// A step of a session.
 enum Step {
     Touch(Reading),
     Moved(Looseness),
@@ -113,7 +113,7 @@ fn record(out: &mut String, name: &str, mut belief: SurfaceBelief, steps: Vec<St
     record_next_touches(out, name, &belief);
 }
 
-/// Records what would be touched next.
+/// Records the ranked next touches.
 fn record_next_touches(out: &mut String, name: &str, belief: &SurfaceBelief) {
     let options = NextTouchOptions { n_approaches: 6, seed: 4, ..NextTouchOptions::default() };
     let ranking = rank(belief, None, &options, &mut || false).unwrap();

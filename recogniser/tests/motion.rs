@@ -1,4 +1,4 @@
-//! Objects that move while they are touched, and robots that are not where they say.
+//! Objects that move while they are touched, and robots with wrong bases.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
@@ -16,13 +16,13 @@ use palpate_recogniser::options::SurfaceOptions;
 
 use ellipsoids::{MODEL, N_OBJECTS, belief, recognise, six_by_six, some_pose, touches};
 
-/// How far objects of these tests move between touches.
+/// Standard deviations of the objects' motion between touches.
 const MOTION: Looseness = Looseness { position: 2.5 * MM, angle: 0.05 };
 
-/// As if it were sure that the object rests, whatever it touches.
+/// Drift so small that the recogniser assumes an object at rest.
 const RESTS: Looseness = Looseness { position: 1e-6, angle: 1e-6 };
 
-/// A session with an object that moves between any two touches, and where it is in the end.
+/// A session with an object that moves between any two touches, and its final pose.
 struct Moving {
     object: usize,
     readings: Vec<Reading>,
@@ -64,12 +64,12 @@ impl Moving {
 struct Recognised {
     is_right: bool,
     probability: f64,
-    /// How far the likeliest pose is from where the object is, metres.
+    /// Distance of the likeliest pose from the true one, metres.
     error: f64,
 }
 
-/// Of all objects, several times: how many were right, the mean probability of the right one,
-/// and the median error.
+/// Plays several sessions of each object: number of right answers, mean probability of the right
+/// object, and median error (metres).
 fn sessions(motion: Option<Looseness>) -> (usize, f64, f64) {
     sessions_by(MOTION, motion)
 }
@@ -90,7 +90,7 @@ fn an_object_in_announced_drift_is_known_and_placed() {
     let ((told, p_told, error_told), (_, p_rests, error_rests)) =
         (sessions(Some(MOTION)), sessions(Some(RESTS)));
     assert!(told >= 21, "{told} of 24");
-    // If it is taken to rest it is none of these.
+    // Under the assumption of rest the answer is "none of these".
     assert!(p_told > 0.8 && p_rests < 0.1, "{p_told} {p_rests}");
     assert!(error_told < 0.7 * error_rests, "{error_told} {error_rests} m");
 }
@@ -106,8 +106,8 @@ fn unannounced_drift_is_followed_and_leaves_unknown_likely() {
 
 #[test]
 fn drift_of_another_amplitude_is_followed_as_well() {
-    // None of them is one that the recogniser believes in. By 1.2 mm rest explains the touches
-    // well; by 8 mm and 17° each time little is left to tell ellipsoids apart by.
+    // None of these is an amplitude of the recogniser. At 1.2 mm rest explains the touches well;
+    // at 8 mm and 17° per touch little information remains to distinguish ellipsoids.
     for (position, angle, share) in [(1.2, 0.02, 1.05), (5.0, 0.1, 0.75), (8.0, 0.3, 0.6)] {
         let by = Looseness { position: position * MM, angle };
         let ((untold, _, error_untold), (rests, _, error_rests)) =
@@ -139,7 +139,7 @@ fn an_object_that_jumps_is_found_where_it_is_now() {
     assert!(error < 2.0 * MM, "{error} m");
 }
 
-/// What is done to a belief: a reading comes, or the object may have moved.
+/// A step of a belief: a reading, or an announced motion.
 enum Step {
     Touch(Reading),
     Moved(Looseness),
@@ -161,14 +161,14 @@ fn steps() -> Vec<Step> {
     steps
 }
 
-/// Touches of an object that moves though nobody says so, between which a press meets nothing.
+/// Touches of an object with unannounced motion, and a miss among them.
 fn restless_steps() -> Vec<Step> {
     let moving = Moving::new(1, 6, MOTION, 14, 14);
     let mut steps: Vec<Step> = moving.readings.into_iter().map(Step::Touch).collect();
     let away = Pose::from_parts(DQuat::IDENTITY, some_pose(1).translation + DVec3::X);
     let miss = Reading::new(SensorId(0), &six_by_six(), &[Some(0.0); 36], away).unwrap();
     steps.insert(9, Step::Touch(miss));
-    // Told in the end, after which it rests.
+    // Announced at the end, after which the object rests.
     let rests = touches(1, 5, 3).into_iter().map(|reading| reading.moved_by(moving.last));
     steps.push(Step::Moved(MOTION));
     steps.extend(rests.map(Step::Touch));
@@ -226,7 +226,7 @@ fn an_object_that_may_have_moved_is_found_again() {
     let deviation = loose.modes[0].covariance[(0, 0)].sqrt();
     assert!(deviation > 5.0 * MM, "{deviation} m");
     assert!(loose.modes[0].session_from_object.distance_to(&before) < 1.0 * MM);
-    // It moved by 4 mm and 5°: five touches of where it is now.
+    // The object moved by 4 mm and 5°: five touches of its new place.
     let turn = DQuat::from_rotation_z(0.087) * before.rotation;
     let after = Pose::from_parts(turn, before.translation + DVec3::X * 4.0 * MM);
     for (n, reading) in touches(1, 5, 3).into_iter().enumerate() {
@@ -272,7 +272,7 @@ fn a_wrong_base_spoils_nothing_if_its_looseness_is_stated() {
 
 #[test]
 fn loosely_placed_robots_do_not_make_an_object_unknown() {
-    // Each reading is of a robot of its own, whose base is off by as much as is stated.
+    // Each reading is from its own robot, whose base has the stated error.
     let looseness = Looseness { position: 3.0 * MM, angle: 0.02 };
     let mut stated = 0.0;
     for object in 0..N_OBJECTS {
@@ -292,7 +292,7 @@ fn loosely_placed_robots_do_not_make_an_object_unknown() {
 
 #[test]
 fn an_announced_move_keeps_the_probabilities() {
-    // Drift nobody announced was in the mixture before.
+    // The mixture contained unannounced drift before.
     let moving = Moving::new(1, 6, MOTION, 8, 8);
     let mut belief = belief();
     moving.readings.iter().for_each(|reading| belief.add(reading, &six_by_six()));

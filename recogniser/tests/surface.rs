@@ -1,4 +1,4 @@
-//! The surface recogniser on analytic objects: ellipsoids whose contacts vary, no simulator.
+//! The surface recogniser on analytic objects: ellipsoids with varying contacts, no simulator.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
@@ -34,7 +34,7 @@ fn unseen_touches_name_the_object_and_its_place() {
         let mode = &answer.modes[0];
         let error = mode.session_from_object.distance_to(&truth);
         assert!(error < 1.0 * MM, "object {object}: {error} m");
-        // Stated is at least a quarter of the error, along every axis.
+        // The stated deviation is at least a quarter of the error, along every axis.
         let off = mode.session_from_object.translation - truth.translation;
         for axis in 0..3 {
             let stated = mode.covariance[(axis, axis)].sqrt();
@@ -47,7 +47,7 @@ fn unseen_touches_name_the_object_and_its_place() {
     }
 }
 
-/// That two answers are the same but for a motion of the session and rounding.
+/// Checks that two answers are equal up to a motion of the session and rounding.
 #[track_caller]
 fn check_moved(answer: &Answer, moved: &Answer, motion: &Pose) {
     for (p, q) in answer.probabilities.iter().zip(&moved.probabilities) {
@@ -77,7 +77,7 @@ fn a_turned_session_gives_the_turned_answer() {
     }
 }
 
-/// Of few touches only the probabilities are compared: poses tie.
+/// After few touches only the probabilities are compared, since poses tie.
 #[track_caller]
 fn check_moved_if_posed(answer: &Answer, moved: &Answer, motion: &Pose, n: usize) {
     if n > 4 {
@@ -196,7 +196,7 @@ fn the_prior_is_the_first_answer_and_rules_objects_out() {
     let options = SurfaceOptions::default();
     let mut belief = SurfaceBelief::new(MODEL.clone(), options, Some(&prior)).unwrap();
     let answer = belief.answer(2);
-    // None of these: 0.05; of the rest three quarters.
+    // "None of these" has 0.05, the object three quarters of the rest.
     assert!((answer.probabilities[1] - 0.7125).abs() < 1e-12 && answer.modes.is_empty());
     assert!((answer.unknown - 0.05).abs() < 1e-12);
     for reading in touches(2, 6, 2) {
@@ -228,7 +228,8 @@ fn touches_of_one_place_differ_by_one_deviation() {
             n += 1.0;
         }
     }
-    // Learnt on the nearest of each, so all pairs within reach differ somewhat more.
+    // The space was learnt on the nearest pairs, so that all pairs within reach differ somewhat
+    // more.
     assert!(n > 100.0, "{n} pairs");
     let deviation = f64::sqrt(squares / n);
     assert!((0.5..2.0).contains(&deviation), "{deviation}");

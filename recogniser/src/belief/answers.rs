@@ -1,7 +1,7 @@
-//! Answers: probabilities, and the hypotheses that are answered with them.
+//! Answers: probabilities, and the hypotheses returned with them.
 //!
-//! A hypothesis stands for all that look like it: those in one orbit of the object's symmetry are
-//! one answer with their probabilities added.
+//! A hypothesis represents all that look alike: those in one orbit of the object's symmetry
+//! become one answer with the sum of their probabilities.
 
 use std::sync::Arc;
 
@@ -24,10 +24,12 @@ use crate::verify::hypothesis::Hypothesis;
 /// Hypotheses of less than this share of the belief add nothing to an answer.
 const SHARE_MIN: f64 = 1e-6;
 
-/// Poses less probable than this are answered as they were when they lost: nobody moves by them.
+/// Probability below which a pose is returned without further refinement: robots do not move by
+/// such poses.
 const LIKELY_ENOUGH: f64 = 1e-3;
 
-/// Touches below which poses are answered as proposed: two do not fix one better.
+/// Number of touches from which poses are refined; two touches do not determine a pose better
+/// than its proposal.
 const REFINED_FROM: usize = 3;
 
 /// A component with the joint probabilities of its objects, "none of these" last.
@@ -88,8 +90,8 @@ struct Share {
     hypothesis: Hypothesis,
 }
 
-/// The shares of an object's hypotheses (best first) that may be among `n` answers, or add to
-/// one of them. `probability` is the joint one of component and object.
+/// Shares of an object's hypotheses (best first) that may be among `n` answers, or add to one of
+/// them. `probability` is the joint one of component and object.
 fn shares<'a>(
     [component, object]: [usize; 2],
     probability: f64,
@@ -109,8 +111,8 @@ fn shares<'a>(
     shares.enumerate().filter(counts).map(|(_, found)| found)
 }
 
-/// At most `n` hypotheses that look different, each with the share of all that look like it,
-/// the likeliest first.
+/// At most `n` distinct hypotheses, likeliest first, each with the total share of all hypotheses
+/// that look alike.
 fn distinct(
     mut all: Vec<Share>,
     maps: &[Arc<SurfaceMap>],
@@ -121,7 +123,7 @@ fn distinct(
     let mut kept: Vec<Share> = Vec::with_capacity(n);
     for found in all {
         let symmetry = maps[found.object].symmetry();
-        // Within a component what is one pose was merged before.
+        // Equal poses within a component were merged before.
         let same = |other: &Share| {
             other.object == found.object
                 && (other.component != found.component || !symmetry.is_none())
@@ -153,7 +155,7 @@ mod tests {
         vec![Arc::new(map().with_symmetry(half)), Arc::new(map())]
     }
 
-    /// Turned by an angle about z; weights as ln scores.
+    /// A hypothesis turned by an angle about z; its score is the ln of `weight`.
     fn turned(angle: f32, weight: f32) -> Hypothesis {
         let rotation = Quat::from_rotation_z(angle);
         Hypothesis { rotation, translation: Vec3::ZERO, score: weight.ln() }
@@ -182,7 +184,7 @@ mod tests {
 
     #[test]
     fn half_turns_are_one_answer_only_if_the_object_is_symmetric() {
-        // Of the first 0.6 · (5 + 4)/10 and 0.6/10, of the second 0.4 times 5, 4, 1 in ten.
+        // First object: 0.6 · (5 + 4)/10 and 0.6/10; second object: 0.4 times 5/10, 4/10 and 1/10.
         check(5, &[(0, 0.54), (1, 0.2), (1, 0.16), (0, 0.06), (1, 0.04)]);
     }
 

@@ -1,9 +1,8 @@
-//! Calibration: how far evidence can be believed, learnt on readings held back from training.
+//! Calibration of evidence, learnt on readings held back from training.
 //!
 //! Trials of every object are recognised twice: by the whole catalogue, and by the catalogue
-//! without the object. Temperature and the evidence of "none of these" are those under which both
-//! kinds of trials are the likeliest (Platt, 1999; Guo et al., 2017). Equation R23 of
-//! docs/recogniser.md.
+//! without the object. Temperature and the evidence of "none of these" maximise the likelihood
+//! of both kinds of trials (Platt, 1999; Guo et al., 2017). Equation R23 of docs/recogniser.md.
 
 use std::sync::Arc;
 
@@ -21,29 +20,29 @@ use crate::model::calibration::{CalibrationBasis, EvidenceCalibration, EvidenceS
 use crate::options::{ScoreScale, SurfaceOptions};
 use crate::verify::null_model::{self, Counted};
 
-/// Trials of all objects together, about: a minute of work at most.
+/// Approximate number of trials of all objects together; they take at most a minute.
 const TRIALS: usize = 400;
 
-/// Trials of an object at most: its held-back readings are few.
+/// Maximum number of trials per object, since its held-back readings are few.
 const TRIALS_PER_OBJECT_MAX: usize = 40;
 
-/// Readings of a trial: about as many as a session needs.
+/// Readings per trial, about as many as a session needs.
 const READINGS: usize = 8;
 
-/// Held-back readings that an object needs for trials, so that trials differ.
+/// Minimum number of held-back readings per object with trials, so that trials differ.
 pub const HELD_BACK_MIN: usize = 6;
 
-/// Cap on the temperature: evidence is believed at least a tenth of what it says.
+/// Cap on the temperature: evidence counts at least a tenth of its value.
 const TEMPERATURE_MAX: f64 = 10.0;
 
-/// First steps of the descent: in ln temperature, evidence, and evidence a touch.
+/// Initial steps of the descent in ln temperature, evidence, and evidence per touch.
 const STEPS: [f64; 3] = [0.5, 4.0, 2.0];
 
 /// The descent ends when the step in ln temperature is below this, or after this many passes.
 const STEP_MIN: f64 = 1e-3;
 const PASSES_MAX: usize = 200;
 
-/// Readings of one object that had no part in its map, and the sensor that took them.
+/// Readings of one object that were not used for its map, and their sensor.
 #[derive(Clone, Copy, Debug)]
 pub struct HeldBack<'a> {
     /// The readings; poses in one frame.
@@ -52,31 +51,31 @@ pub struct HeldBack<'a> {
     pub sensor: &'a SensorDescription,
 }
 
-/// What the touches of a trial said of an object.
+/// Evidence of a trial's touches for one object.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Evidence {
-    /// ln, before the prior.
+    /// ln evidence, without the prior.
     log: f64,
     log_prior: f64,
-    /// Its self-match score, ln a touch.
+    /// Self-match score of the object, ln per touch.
     self_match: f64,
 }
 
-/// What one trial's touches said after one of them.
+/// Evidence of one trial after one of its touches.
 #[derive(Clone, Debug)]
 struct Sample {
-    /// Its place among the calibrated stages.
+    /// Index of the calibrated stage.
     stage: usize,
     counted: Counted,
-    /// Of the true object, when the catalogue has it.
+    /// Evidence of the true object, if the catalogue has it.
     own: Option<Evidence>,
-    /// Of all other objects, likeliest first, cut where it no longer matters.
+    /// Evidence of the other objects, likeliest first, without negligible ones.
     others: Vec<Evidence>,
 }
 
-/// Learns the calibration of a model from `held_back` readings, one set an object in the
-/// model's order. The default, which says why, where there are too few: no object has
-/// [`HELD_BACK_MIN`] readings, or there is only one object.
+/// Learns the calibration of a model from `held_back` readings, one set an object in the model's
+/// order. Returns the default calibration with the reason if no object has [`HELD_BACK_MIN`]
+/// readings or there is only one object.
 #[must_use]
 pub fn calibrate(
     model: &Arc<SurfaceModel>,
@@ -165,7 +164,7 @@ fn run_trial(
     samples
 }
 
-/// All objects but `own`, likeliest first, cut where their evidence no longer matters.
+/// All objects but `own`, likeliest first, without those of negligible evidence.
 fn likeliest(objects: &[ObjectBelief], own: usize, negligible: f64) -> Vec<usize> {
     let log = |o: usize| objects[o].log_evidence;
     let is_other = |o: &usize| *o != own && !objects[*o].is_ruled_out;
@@ -176,8 +175,9 @@ fn likeliest(objects: &[ObjectBelief], own: usize, negligible: f64) -> Vec<usize
     likely
 }
 
-/// The likeliest stage by coordinate descent from a start; the loss is smooth and the
-/// parameters are few. Samples are of known objects, then of unknown ones.
+/// Maximum-likelihood parameters of a stage by coordinate descent from a start; the loss is
+/// smooth and the parameters are few. `samples` are those of known objects, then of unknown
+/// ones.
 fn fit(
     samples: [&[&Sample]; 2],
     start: EvidenceStage,
@@ -198,10 +198,11 @@ fn fit(
             for sign in [1.0, -1.0] {
                 let mut tried = at;
                 tried[axis] += sign * steps[axis];
-                // Evidence is never believed more than it says.
+                // The temperature is at least 1, so that evidence never counts more than its value.
                 tried[0] = tried[0].clamp(0.0, TEMPERATURE_MAX.ln());
                 if axis == 2 {
-                    // The slope turns about the middle of the trials, not about no touch.
+                    // A change of the slope pivots about the middle of the trials, not about
+                    // zero touches.
                     tried[1] -= sign * steps[2] * 0.5 * READINGS as f64;
                 }
                 let found = loss(samples, &build(tried), scale);
@@ -220,8 +221,8 @@ fn fit(
     build(at)
 }
 
-/// Mean −ln probability of the truth over trials of known objects, and the same over trials of
-/// unknown ones: the two kinds weigh alike, as many trials as there are of each.
+/// Mean −ln probability of the truth, averaged over trials of known objects and over trials of
+/// unknown objects with equal weight, whatever their numbers.
 fn loss(samples: [&[&Sample]; 2], stage: &EvidenceStage, scale: &ScoreScale) -> f64 {
     let mean = |samples: &[&Sample]| {
         samples.iter().map(|sample| sample.surprise(stage, scale)).sum::<f64>()
@@ -259,9 +260,9 @@ mod tests {
     const TEMPERATURE: f64 = 2.5;
     const UNKNOWN: f64 = 12.0;
 
-    /// A trial after two touches with one object. When it is the one that is touched, what its
-    /// evidence says are ln likelihood ratios about 3, else about −3, of such a spread that
-    /// they are true; it says them [`TEMPERATURE`] times too loudly.
+    /// A trial after two touches with one object. Its ln likelihood ratios are about 3 if it is
+    /// the touched object, else about −3, with a spread that makes them calibrated; its evidence
+    /// is these ratios times [`TEMPERATURE`].
     fn sample(is_known: bool, stream: &mut Stream) -> Sample {
         let ratio = if is_known { 3.0 } else { -3.0 } + 6f64.sqrt() * stream.normal();
         let evidence =
@@ -301,7 +302,7 @@ mod tests {
 
     #[test]
     fn a_catalogue_of_twins_needs_the_calibration_of_one() {
-        // Twenty objects that say the same, each with a twentieth of the prior.
+        // Twenty objects with equal evidence, each with a twentieth of the prior.
         let spread = |sample: &Sample| {
             let of =
                 |evidence: &Evidence| vec![Evidence { log_prior: -20f64.ln(), ..*evidence }; 20];

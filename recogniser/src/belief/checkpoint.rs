@@ -1,9 +1,9 @@
-//! Checkpoints: what a belief has concluded, as bytes to keep and to go on from.
+//! Checkpoints: the conclusions of a belief as bytes, from which it can be resumed.
 //!
-//! Observations follow from the readings at little cost; the search is what costs, and its
-//! conclusions are few numbers. So a belief is resumed by observing its readings again without
-//! searching, and then taking over the conclusions. It is the belief that was kept, bit for bit,
-//! if the same code made them from the same model.
+//! Observations are cheap to compute from the readings; the search is expensive, and its
+//! conclusions are few numbers. A belief is therefore resumed by observing its readings again
+//! without searching, and then restoring the conclusions. The result equals the stored belief
+//! bit for bit if the same code and the same model produced both.
 
 use glam::{Mat3, Quat, Vec3};
 use thiserror::Error;
@@ -28,7 +28,7 @@ const HYPOTHESIS_FLOATS: usize = 8;
 #[error("these bytes are not a checkpoint of a belief after these readings")]
 pub struct NotCheckpoint;
 
-/// What a belief has concluded.
+/// Conclusions of a belief.
 #[derive(Clone, Debug)]
 pub(super) struct Checkpoint {
     pub(super) n_readings: usize,
@@ -143,7 +143,7 @@ impl Reader<'_> {
         Ok(floats)
     }
 
-    /// A list of items of `bytes` each; a count that the rest cannot hold is refused at once.
+    /// Reads a list of items of `bytes` each; refuses a count that exceeds the remaining bytes.
     fn list<T>(
         &mut self,
         bytes: usize,

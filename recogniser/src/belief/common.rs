@@ -1,4 +1,4 @@
-//! What all components of a belief share: the model, the options, and the prior.
+//! Parts that all components of a belief share: the model, the options, and the prior.
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ use crate::verify::density::Kernel;
 use crate::verify::evidence::Evidence;
 use crate::verify::null_model;
 
-/// What all components share.
+/// Parts that all components share.
 #[derive(Clone, Debug)]
 pub(super) struct Common {
     pub(super) model: Arc<SurfaceModel>,
@@ -27,9 +27,9 @@ pub(super) struct Common {
 /// Probabilities before the touches.
 #[derive(Clone, Debug)]
 pub(super) struct Prior {
-    /// ln of each object's, given that it is one of them.
+    /// ln prior of each object, given that the object is one of the catalogue's.
     pub(super) log_objects: Vec<f64>,
-    /// That of "none of these".
+    /// Prior of "none of these".
     pub(super) unknown: f64,
 }
 
@@ -70,7 +70,7 @@ impl Common {
         }
     }
 
-    /// The self-match score of an object, ln a touch.
+    /// The self-match score of an object, ln per touch.
     pub(super) fn self_match(&self, object: usize) -> f64 {
         let (map, space) = (&self.model.maps()[object], &self.model.space);
         let find = || null_model::self_match(map, space, &self.kernel, &self.options);
@@ -78,8 +78,8 @@ impl Common {
     }
 }
 
-/// Finds the self-match scores of all objects, in parallel, for beliefs with these options: else
-/// the first session that needs them waits.
+/// Computes the self-match scores of all objects, in parallel, for beliefs with these options.
+/// Without it the first session that needs them waits.
 pub fn prepare(model: &SurfaceModel, options: &SurfaceOptions) {
     null_model::prepare(model, options);
 }

@@ -1,4 +1,4 @@
-//! A component of the belief: all that follows from the readings under one motion of the object.
+//! A component of the belief: the state after the readings under one model of the object's motion.
 //!
 //! [`Component::add`] is the algorithm: observe, propose, verify, refine, weigh.
 
@@ -24,7 +24,7 @@ use crate::verify::evidence::{Evidence, Known};
 use crate::verify::hypothesis::Hypothesis;
 use crate::verify::motion_prior::{self, MotionPrior};
 
-/// Share of pairs of touches whose geometry says nothing: π₂ of equation R17.
+/// Share of pairs of touches with uninformative geometry: π₂ of equation R17.
 const PAIR_OUTLIERS: f32 = 0.03;
 
 /// Mean geometric weight of the stored pairs in the cells a query visits: π_v of equation R17.
@@ -33,22 +33,21 @@ const VISITED_WEIGHT: f32 = 0.03;
 /// Probability above which a pose is likelier than not.
 const LIKELY: f64 = 0.5;
 
-/// Deviation of the normal (rad) above which a touch proposes nothing once there are poses that
+/// Deviation of the normal (rad) above which a touch proposes no poses once existing ones
 /// explain the touches.
 const UNSTEADY: f32 = 0.3;
 
 /// Touches from which a certain pose ends the search.
 const CERTAIN_FROM: usize = 4;
 
-/// Objects that get proposals from a component that does not lead, likeliest first: bounds its
-/// cost.
+/// Cap on the objects that get proposals from a component that does not lead, likeliest first;
+/// it bounds the cost.
 const OBJECTS_MAX: usize = 16;
 
-/// Part of the budget of hypotheses that a drifting component has: rest and three amplitudes share
-/// it.
+/// Divisor of the hypothesis budget for a drifting component: rest and three amplitudes share it.
 const BUDGET_PART: usize = 4;
 
-/// What one reading says.
+/// Observations from one reading.
 #[derive(Clone, Debug)]
 pub(super) struct Observed {
     /// The touch; `None` when the press met nothing.
@@ -57,13 +56,13 @@ pub(super) struct Observed {
     pub(super) spaces: Vec<PressSpace>,
 }
 
-/// All that follows from the readings under one motion.
+/// State after the readings under one model of motion.
 #[derive(Clone, Debug)]
 pub(super) struct Component {
     motion: Motion,
     stage: Stage,
     touches: Vec<Observation>,
-    /// Of all presses.
+    /// Spaces of all presses.
     spaces: Vec<PressSpace>,
     objects: Vec<ObjectBelief>,
 }
@@ -75,8 +74,7 @@ impl Component {
         Self { motion, stage: Stage::Prior, touches, spaces, objects: common.objects() }
     }
 
-    /// Takes a reading into account. One that `leads` searches in full, the others with a small
-    /// budget.
+    /// Adds a reading. A component that `leads` searches in full, the others with a small budget.
     pub(super) fn add(&mut self, common: &Common, observed: &Observed, leads: bool) {
         self.observe(observed);
         if observed.touch.is_none() {
@@ -103,7 +101,7 @@ impl Component {
         self.bound(common);
     }
 
-    /// Takes note of a reading without concluding anything.
+    /// Adds the observations of a reading without any search.
     pub(super) fn observe(&mut self, observed: &Observed) {
         self.spaces.extend(observed.spaces.iter().cloned());
         if let Some(touch) = &observed.touch {
@@ -122,8 +120,8 @@ impl Component {
         self.spaces.iter_mut().for_each(|space| space.discount(n, drift));
     }
 
-    /// The component with what was observed so far, if the object drifted; poses are those of this
-    /// one, not scored anew.
+    /// A copy with the observations so far under a drifting object; its poses are those of this
+    /// component and keep their scores.
     pub(super) fn drifting(&self, drift: Looseness) -> Self {
         let mut drifting = Self { motion: Motion::Unannounced(drift), ..self.clone() };
         drifting.discount();
@@ -186,8 +184,8 @@ impl Component {
         propose_poses(objects, &evidence, &asked, &scope);
     }
 
-    /// The evidence of two touches: the density of stored pairs like theirs, which tells more than
-    /// any pose. Equation R17 of docs/recogniser.md, k = 2.
+    /// The evidence of two touches: the density of stored pairs like theirs, which is more
+    /// informative than any pose. Equation R17 of docs/recogniser.md, k = 2.
     fn weigh_pair(&mut self) {
         // Two touches at one place are no pair: the evidence of the first one stays.
         if self.objects.iter().all(|object| object.pair.appearance <= 0.0) {
@@ -205,8 +203,8 @@ impl Component {
         }
     }
 
-    /// Scores every hypothesis by the newest touch, or by all of an object that drifts: then what
-    /// each says changes with every touch.
+    /// Scores every hypothesis by the newest touch or, if the object drifts, by all touches,
+    /// since the weight of each then changes with every touch.
     fn verify(&mut self, common: &Common) {
         if self.motion.drift().is_some() {
             self.score_anew(common);
@@ -225,7 +223,7 @@ impl Component {
     }
 
     /// Proposes poses unless one is certain and explains the touches well: of all objects in
-    /// question, or of the likeliest few where another component `leads`.
+    /// doubt or, if another component leads, of the likeliest few.
     fn propose_in_doubt(&mut self, common: &Common, leads: bool) {
         let (n, options) = (self.touches.len(), &common.options);
         let poor = self.is_poor(common);
@@ -287,8 +285,8 @@ impl Component {
         refine_best(objects, &evidence);
     }
 
-    /// The evidence of three and more touches: the sum over poses, and that all touches fit
-    /// nowhere. Equation R17 of docs/recogniser.md, k = 3.
+    /// The evidence of three and more touches: the sum over poses and over the case that all
+    /// touches fit nowhere. Equation R17 of docs/recogniser.md, k = 3.
     fn weigh(&mut self, common: &Common) {
         // Without a pair there is no pose yet: the evidence of the first touch stays.
         if self.objects.iter().all(|object| object.hypotheses.is_empty()) {
@@ -332,13 +330,14 @@ impl Component {
         p * alike.map(share).sum::<f64>()
     }
 
-    /// Forgets the observations of before a move.
+    /// Discards the observations from before a move.
     pub(super) fn forget_observations(&mut self) {
         self.touches.clear();
         self.spaces.clear();
     }
 
-    /// Makes the poses of `leader`, the likeliest component, the motion prior of what follows.
+    /// Turns the poses of `leader`, the likeliest component, into the motion prior of the
+    /// touches to come.
     pub(super) fn move_on(&mut self, leader: Option<Self>, motion: &Looseness) {
         if let Some(leader) = leader {
             self.objects = leader.objects;
@@ -358,23 +357,23 @@ impl Component {
         self.objects.iter_mut().for_each(|object| object.motion_prior.inflate(motion));
     }
 
-    /// Takes over what a checkpoint concluded from the same observations.
+    /// Restores the conclusions of a checkpoint from the same observations.
     pub(super) fn conclude(&mut self, stage: Stage, objects: Vec<ObjectBelief>) {
         (self.stage, self.objects) = (stage, objects);
     }
 
-    /// The objects, to be changed, and the evidence that they are changed by.
+    /// The objects, mutable, and the evidence that updates them.
     fn split<'a>(&'a mut self, common: &'a Common) -> (&'a mut [ObjectBelief], Evidence<'a>) {
         (&mut self.objects, common.evidence(&self.touches, &self.spaces))
     }
 
-    /// What the posterior is computed from.
+    /// The inputs of the posterior.
     pub(super) fn explained(&self) -> Explained<'_> {
         let Self { motion, stage, touches, objects, .. } = self;
         Explained { stage: *stage, motion: *motion, touches, objects }
     }
 
-    /// Bytes behind its lists.
+    /// Heap bytes of its lists.
     pub(super) fn bytes(&self) -> usize {
         self.touches.capacity() * size_of::<Observation>()
             + self.spaces.capacity() * size_of::<PressSpace>()

@@ -1,7 +1,7 @@
 //! Object motion: one announced move, announced drift between touches, or unannounced drift.
 //!
 //! Unannounced drift is a mixture (equation R16): a component at rest, and components that drift
-//! by one amplitude each. They start once the best explanation at rest is poor, take every
+//! by one amplitude each. They start once the best explanation at rest is poor, receive every
 //! reading, and are dropped when rest explains the touches well and drift is improbable.
 
 use palpate_core::reading::Looseness;
@@ -16,21 +16,21 @@ pub(super) const AMPLITUDES: usize = 3;
 /// Prior of unannounced drift, shared evenly by its amplitudes: fixtures seldom fail.
 const UNANNOUNCED: f64 = 0.02;
 
-/// Touches from which motion can be told from rest: three fix a pose.
+/// Number of touches from which motion is distinguishable from rest: three determine a pose.
 pub(super) const TOUCHES_MIN: usize = 4;
 
-/// Drift less probable than this is dropped while rest explains the touches well: it then changes
-/// no probability by more than a thousandth.
+/// Probability below which drift is dropped while rest explains the touches well; it then
+/// changes no probability by more than a thousandth.
 pub(super) const NEGLIGIBLE: f64 = 1e-3;
 
-/// How a component takes the object to move between touches.
+/// A component's model of the object's motion between touches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Motion {
-    /// Not at all.
+    /// The object rests.
     Rest,
-    /// As the session announced.
+    /// The object drifts as announced.
     Announced(Looseness),
-    /// By this much, which nobody announced.
+    /// The object drifts by these deviations without announcement.
     Unannounced(Looseness),
 }
 
@@ -53,9 +53,9 @@ impl Motion {
     }
 }
 
-/// The amplitudes of unannounced drift: from where motion differs from a touch's own deviation to
-/// where a touch halves the weight of the one before, and the geometric middle. Turns carry the rim
-/// of the median object as far.
+/// The amplitudes of unannounced drift: the smallest is a touch's own deviation across the
+/// surface, the largest halves the weight of the previous touch, and the middle one is their
+/// geometric mean. Rotations displace the rim of the median object by the same distances.
 pub(super) fn amplitudes(model: &SurfaceModel, scale: &TouchScale) -> [Looseness; AMPLITUDES] {
     let mut radii: Vec<f32> = model.maps().iter().map(|map| map.radius()).collect();
     radii.sort_unstable_by(f32::total_cmp);

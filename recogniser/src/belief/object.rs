@@ -11,14 +11,13 @@ use crate::verify::evidence::Known;
 use crate::verify::hypothesis::Hypothesis;
 use crate::verify::motion_prior::MotionPrior;
 
-/// Objects per thread: fewer are worked on one after the other, since sharing them out would take
-/// longer.
+/// Objects per thread; fewer are processed sequentially, since distributing them would take longer.
 const OBJECTS_PER_THREAD: usize = 16;
 
 /// The belief about one object.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ObjectBelief {
-    /// Best first.
+    /// Hypotheses, best first.
     pub(super) hypotheses: Vec<Hypothesis>,
     /// ln L_o of equation R17, before the prior.
     pub(super) log_evidence: f64,
@@ -26,9 +25,9 @@ pub(super) struct ObjectBelief {
     pub(super) pair: PairEvidence,
     /// z_o of equation R19.
     pub(super) retrieval_score: f64,
-    /// Where it was before it may have moved.
+    /// Prior of its pose after an announced move.
     pub(super) motion_prior: MotionPrior,
-    /// Its prior is zero: it has no part in the search.
+    /// Whether its prior is zero, so that it is excluded from the search.
     pub(super) is_ruled_out: bool,
 }
 
@@ -40,14 +39,14 @@ impl ObjectBelief {
         object
     }
 
-    /// Forgets the evidence: 0 again, unless the object is ruled out.
+    /// Resets the evidence to 0 unless the object is ruled out.
     pub(super) fn forget_evidence(&mut self) {
         let log = if self.is_ruled_out { f64::NEG_INFINITY } else { 0.0 };
         (self.log_evidence, self.retrieval_score) = (log, log);
         self.pair = PairEvidence::default();
     }
 
-    /// The object as poses of it are scored.
+    /// The object in the form in which its poses are scored.
     pub(super) fn known<'a>(&'a self, map: &'a SurfaceMap) -> Known<'a> {
         Known { map, prior: &self.motion_prior }
     }
@@ -57,7 +56,7 @@ impl ObjectBelief {
         Some(self.hypotheses.first()?.score)
     }
 
-    /// Bytes behind its lists.
+    /// Heap bytes of its lists.
     pub(super) fn bytes(&self) -> usize {
         self.hypotheses.capacity() * size_of::<Hypothesis>() + self.motion_prior.bytes()
     }
@@ -78,8 +77,8 @@ pub(super) fn n_searched(objects: &[ObjectBelief]) -> usize {
     objects.iter().filter(|object| !object.is_ruled_out).count()
 }
 
-/// Works on every object that is not ruled out, in parallel if they are many. The number of
-/// threads does not change a bit.
+/// Processes every object that is not ruled out, in parallel if they are many. Results do not
+/// depend on the number of threads.
 pub(super) fn for_each_object(
     objects: &mut [ObjectBelief],
     maps: &[Arc<SurfaceMap>],

@@ -10,7 +10,7 @@ use crate::observe::observation::Observation;
 use crate::observe::placement::HALF;
 use crate::verify::null_model::{self, Counted};
 
-/// What a component rests on.
+/// Inputs of a component's posterior.
 #[derive(Clone, Copy)]
 pub(super) struct Explained<'a> {
     pub(super) stage: Stage,
@@ -19,7 +19,7 @@ pub(super) struct Explained<'a> {
     pub(super) objects: &'a [ObjectBelief],
 }
 
-/// ln of how probable each object is, then "none of these", up to a common number.
+/// ln probability of each object, then of "none of these", up to a common constant.
 ///
 /// Equation R18 of docs/recogniser.md.
 pub(super) fn log_posterior(common: &Common, of: &Explained<'_>) -> Vec<f64> {
@@ -55,7 +55,7 @@ fn null_correction(common: &Common, of: &Explained<'_>, counted: Counted) -> f64
     null_model::correction(counted, logs, temperature, &common.options.score, self_match)
 }
 
-/// The touches by their weight in the evidence of "none of these".
+/// Number of touches, by their weight in the evidence of "none of these", and their losses.
 pub(super) fn counted(common: &Common, of: &Explained<'_>) -> Counted {
     let is_announced = !of.motion.is_unannounced();
     let loose_loss = common.options.score.loose_loss;
@@ -70,8 +70,9 @@ pub(super) fn n_weighed(touches: &[Observation]) -> f64 {
     touches.iter().map(|touch| f64::from(touch.weight)).sum()
 }
 
-/// What touches say (ln) of an object by the weight that unannounced drift took from them: that
-/// they are about the object, not anywhere in the workspace. Part of equation R16.
+/// Evidence (ln) for an object from the weight that touches lost by unannounced drift: the
+/// density of a touch about the object relative to that anywhere in the workspace. Part of
+/// equation R16.
 fn log_discounted(common: &Common, of: &Explained<'_>, object: usize) -> f64 {
     if !of.motion.is_unannounced() {
         return 0.0;

@@ -1,14 +1,15 @@
-//! The predictive likelihood: how well a belief foresees a reading that it has not taken.
+//! The predictive likelihood of a reading that the belief does not contain.
 //!
-//! The reading's density under the hypotheses, each with its share, over that of a touch anywhere,
-//! given that the object is one of the known ones. It shows wrong readings and wrong beliefs.
+//! Density of the reading under the hypotheses, weighted by their shares, relative to that of a
+//! touch anywhere, given that the object is a known one. Low values reveal wrong readings and
+//! wrong beliefs.
 
 use palpate_core::log_prob::{log_sum_exp, normalize};
 
 use super::object::ObjectBelief;
 use crate::verify::evidence::Evidence;
 
-/// Objects less probable than this predict nothing.
+/// Objects less probable than this are left out of the prediction.
 const PROBABILITY_MIN: f64 = 1e-6;
 
 /// ln of the density of a reading, which is the only `evidence`, under the hypotheses of `objects`.

@@ -9,13 +9,13 @@ use crate::propose::retrieval::{estimate, gains, mean_of};
 /// Objects that are looked up after the second touch, per candidate.
 const LOOKED_UP: usize = 2;
 
-/// Eighths that a list of all candidates has.
+/// Number of eighths in a full list of candidates.
 const EIGHTHS: usize = 8;
 
-/// Looks the newest touch up with each partner and updates the retrieval scores: of all objects,
-/// or of those with the best scores only. The others keep theirs. Returns for each partner the
-/// share of an object's pairs that are about the observed one (mean over the objects looked up);
-/// `None` when there is no newest touch.
+/// Looks the newest touch up with each partner and updates the retrieval scores of all objects,
+/// or only of those with the best scores; the others keep theirs. Returns for each partner the
+/// share of an object's pairs with about the observed geometry (mean over the objects looked
+/// up); `None` when there is no newest touch.
 ///
 /// Equation R19 of docs/recogniser.md.
 pub(super) fn retrieve(

@@ -1,7 +1,7 @@
-//! Posterior samples: objects in poses with probabilities, for choosing where to touch next.
+//! Posterior samples: objects in poses with probabilities, for the choice of the next touch.
 //!
-//! From the second touch on these are the hypotheses. After the first one there is no pose yet, but
-//! the touch was somewhere on the object: poses are drawn that lay a like patch onto it.
+//! From the second touch on these are the hypotheses. After the first touch there is no pose
+//! yet; poses are drawn that lay a patch of similar appearance onto the touch.
 
 use glam::{DQuat, DVec3};
 use palpate_core::log_prob::normalize;
@@ -14,16 +14,16 @@ use super::object::ObjectBelief;
 use crate::observe::observation::Observation;
 use crate::observe::stretch::stretch_ratio;
 
-/// Objects less probable than this get no pose.
+/// Probability below which an object gets no pose.
 const PROBABILITY_MIN: f64 = 1e-3;
 
-/// Poses of an object that gets some, at least, as far as it has them.
+/// Minimum number of poses of an object that gets any, if it has this many.
 const POSES_MIN: usize = 4;
 
-/// Turns of a patch about its normal among which a pose is drawn.
+/// Number of rotations of a patch about its normal among which a pose is drawn.
 const N_TURNS: usize = 12;
 
-/// An object in a pose, and how probable that is.
+/// An object in a pose, with its probability.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PoseSample {
     /// The object.
@@ -34,7 +34,7 @@ pub struct PoseSample {
     pub probability: f64,
 }
 
-/// What poses are drawn from.
+/// State from which poses are drawn.
 #[derive(Clone, Copy)]
 pub(super) struct Posed<'a> {
     pub(super) anchor: DVec3,
@@ -77,7 +77,8 @@ pub(super) fn samples(
     samples
 }
 
-/// Objects worth a pose with their probabilities, given that it is a known one.
+/// Objects probable enough for a pose, with their probabilities given that the object is a known
+/// one.
 fn probable_objects(posterior: &[f64]) -> Vec<(ObjectIdx, f64)> {
     let shares = posterior.split_last().map_or(posterior, |(_, known)| known);
     let known: f64 = shares.iter().sum();
@@ -88,8 +89,8 @@ fn probable_objects(posterior: &[f64]) -> Vec<(ObjectIdx, f64)> {
     probable.map(|(object, share)| (ObjectIdx(object as u32), share)).collect()
 }
 
-/// Draws poses of an object of which one touch is known, by systematic sampling: a patch that looks
-/// like the touch is laid onto it, turned about its normal.
+/// Draws poses of an object from a single touch by systematic sampling: a patch of similar
+/// appearance is laid onto the touch and rotated about its normal.
 fn lay_onto_first_touch(
     common: &Common,
     posed: &Posed<'_>,

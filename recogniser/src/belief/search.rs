@@ -14,22 +14,22 @@ use crate::verify::hypothesis::Hypothesis;
 /// Hypotheses of an object that are refined after a touch.
 const REFINED_PER_OBJECT: usize = 3;
 
-/// Which objects get proposals, and how their poses are judged.
+/// Selection of the objects that get proposals, and bounds on their poses.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scope {
     /// Least evidence (ln) of an object that gets proposals.
     evidence_min: f64,
-    /// Least retrieval score of an object that gets proposals whatever its evidence; `None` in a
-    /// small catalogue.
+    /// Least retrieval score of an object that gets proposals regardless of its evidence; `None`
+    /// in a small catalogue.
     retrieval_min: Option<f64>,
     /// Least evidence (ln) of an object whose proposals are refined before they are merged.
     refined_min: f64,
-    /// Poses that score less are given up: another object's best is that much better.
+    /// Least score of a pose; poses below it are far behind another object's best and are dropped.
     score_min: f32,
 }
 
 impl Scope {
-    /// After the second touch: the candidates, or all objects of a small catalogue.
+    /// Scope after the second touch: the candidates, or all objects of a small catalogue.
     pub(super) fn of_first_pair(
         objects: &[ObjectBelief],
         retrieval_min: Option<f64>,
@@ -41,9 +41,8 @@ impl Scope {
         Self { evidence_min, retrieval_min, refined_min: f64::INFINITY, score_min }
     }
 
-    /// Later: the candidates, and the likeliest objects that are at most `reach` (ln) less likely
-    /// than the best, whether or not poses of theirs are known: those proposed before may all be
-    /// wrong.
+    /// Scope after later touches: the candidates, and the likeliest objects within `reach` (ln)
+    /// of the best, including those with known poses, which may all be wrong.
     pub(super) fn in_doubt(
         objects: &[ObjectBelief],
         reach: f64,
@@ -78,7 +77,7 @@ pub(super) fn propose_poses(
 ) {
     let (touches, options) = (evidence.touches, evidence.options);
     let [earlier @ .., newest] = touches else { return };
-    // The pair fits where it proposes: the other touches judge first.
+    // A proposal fits its own pair by construction, so the other touches judge first.
     let others = |partner: usize| (0..earlier.len()).rev().filter(move |n| *n != partner);
     let judges = |partner: &Partner| -> Vec<&Observation> {
         let others = others(partner.index).map(|n| &earlier[n]);
@@ -98,7 +97,7 @@ pub(super) fn propose_poses(
             let partner_ratios = effort.appearance_ratios(map, pair[1]);
             let ratios = [&newest_ratios[..partner_ratios.len()], &partner_ratios];
             let Some(mut proposed) = propose(map, pair, ratios, *effort, options) else { continue };
-            // The joint table has told of all objects how common the geometry is.
+            // The joint table already gave the geometry's frequency for all objects.
             let geometry = match scope.retrieval_min {
                 Some(_) => object.pair.geometry,
                 None => proposed.pair.geometry,
@@ -140,7 +139,7 @@ fn judged(
     hypotheses
 }
 
-/// Scores every hypothesis by all observations, does `then` with it, and merges.
+/// Scores every hypothesis by all observations, applies `then` to it, and merges.
 pub(super) fn score_anew(
     objects: &mut [ObjectBelief],
     evidence: &Evidence<'_>,
@@ -158,7 +157,7 @@ pub(super) fn score_anew(
     });
 }
 
-/// Adds what `more` says (ln) of each hypothesis to its score, and merges.
+/// Adds `more` (ln) of each hypothesis to its score, and merges.
 pub(super) fn add_scores(
     objects: &mut [ObjectBelief],
     evidence: &Evidence<'_>,
@@ -252,7 +251,8 @@ mod tests {
         session
     }
 
-    /// Whether an object is found where it is; an ellipsoid looks alike after half a turn.
+    /// Whether the best pose of an object is the true one, up to the half turns that map an
+    /// ellipsoid onto itself.
     fn is_found(object: &ObjectBelief) -> bool {
         let best = object.hypotheses.first();
         best.is_some_and(|h| error(h.rotation, h.translation, &some_pose(5)).0 < 0.003)
@@ -261,7 +261,7 @@ mod tests {
     #[test]
     fn a_candidate_gets_new_poses_although_its_own_are_wrong() {
         let mut options = SurfaceOptions::default();
-        // Candidates by their retrieval score alone; all places look alike.
+        // Candidates by their retrieval score alone; all places have the same appearance.
         (options.budget.many.explored, options.budget.many.fitted) = (0, usize::MAX);
         let session = touched(40, 4, options);
         let after = |score: f64| {
@@ -269,7 +269,7 @@ mod tests {
             let object = |index: u32| ObjectBelief {
                 hypotheses: vec![Hypothesis { rotation, translation, score: -20.0 }],
                 retrieval_score: if index == 0 { score } else { -f64::from(index) },
-                // Others are likelier: the first is not among the explored ones.
+                // The others are likelier, so that the first is not explored.
                 log_evidence: if index == 0 { -20.0 } else { -10.0 },
                 ..ObjectBelief::default()
             };

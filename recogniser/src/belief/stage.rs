@@ -1,6 +1,6 @@
 //! The stage of a belief: the kind of evidence that it rests on (equation R17).
 
-/// What the evidence of the objects is of.
+/// Kind of the evidence of the objects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Stage {
     /// Nothing but the prior.
@@ -16,7 +16,7 @@ pub(crate) enum Stage {
 impl Stage {
     const ALL: [Self; 4] = [Self::Prior, Self::Appearance, Self::Pair, Self::Poses];
 
-    /// Its place among the calibrated stages; `None` for the prior.
+    /// Index among the calibrated stages; `None` for the prior.
     pub(crate) fn calibrated(self) -> Option<usize> {
         match self {
             Self::Prior => None,

@@ -29,7 +29,8 @@ use crate::observe::press_space::{Miss, PressSpace};
 use crate::observe::touch::observe_touch;
 use crate::options::SurfaceOptions;
 
-/// No posterior rules an object out for good when it becomes a prior; a prior of zero does.
+/// Least prior of an object when a posterior becomes a prior, so that no posterior rules it out
+/// for good; a stated prior of zero does.
 const SURE: f64 = 1e-12;
 
 /// A belief over the identity and pose of one object, from the readings so far.
@@ -37,7 +38,7 @@ const SURE: f64 = 1e-12;
 pub struct SurfaceBelief {
     common: Common,
     n_readings: usize,
-    /// The first touch: poses are relative to it, since single precision ends somewhere.
+    /// The first touch, to which poses are relative because they are in single precision.
     anchor: DVec3,
     /// Presses that met nothing before there was an anchor.
     misses: Vec<Miss>,
@@ -45,13 +46,13 @@ pub struct SurfaceBelief {
     may_have_moved: bool,
     /// The object rests, or drifts as announced.
     rest: Component,
-    /// The object drifts though nobody announced it; empty while rest explains the touches well.
+    /// Components of unannounced drift; empty while rest explains the touches well.
     drifting: Vec<Component>,
 }
 
 impl SurfaceBelief {
-    /// The belief before any reading. `prior` weighs the objects; `None` is even. An object with
-    /// a weight of zero is not searched.
+    /// The belief before any reading. `prior` holds the objects' weights; `None` is uniform. An
+    /// object with a weight of zero is not searched.
     ///
     /// # Errors
     /// [`MismatchError::Prior`] when the weights do not fit the catalogue.
@@ -72,7 +73,7 @@ impl SurfaceBelief {
         })
     }
 
-    /// Takes a reading into account. A press that touched nothing says where the object is not.
+    /// Adds a reading. A miss is evidence of free space.
     pub fn add(&mut self, reading: &Reading, sensor: &SensorDescription) {
         let leader = self.leader();
         let observed = self.observe(reading, sensor);
@@ -110,8 +111,8 @@ impl SurfaceBelief {
         Observed { touch: Some(touch), spaces }
     }
 
-    /// Starts drifting components beside rest when rest explains the touches poorly, and drops them
-    /// when rest explains them well and is all but sure.
+    /// Starts drifting components beside rest when rest explains the touches poorly, and drops
+    /// them when rest explains them well and is almost certain.
     fn doubt_rest(&mut self) {
         let rest = self.rest.explained();
         let is_at_rest = rest.motion == Motion::Rest;
@@ -138,15 +139,15 @@ impl SurfaceBelief {
     }
 
     /// Announces that the object may have moved since the last touch, by deviations of `motion`:
-    /// identity keeps its probabilities, the pose becomes loose.
+    /// the probabilities of the objects remain, and the pose becomes uncertain.
     pub fn announce_move(&mut self, motion: &Looseness) {
         if self.n_touches() == 0 {
             self.observe_move();
             self.rest.inflate(motion);
             return;
         }
-        // Unannounced drift is settled by the touches that showed it: the object is where the
-        // likeliest component has it. Whether it drifts on is decided by the touches to come.
+        // The touches so far decide on unannounced drift: the poses are those of the likeliest
+        // component. Later touches decide whether the drift continues.
         let leader = self.leader();
         let mut probabilities = self.posterior();
         let prior = &mut self.common.prior;
@@ -164,7 +165,7 @@ impl SurfaceBelief {
         self.observe_move();
     }
 
-    /// Takes note of a move: what was touched before it is elsewhere now.
+    /// Records a move: earlier touches no longer show the object's place.
     fn observe_move(&mut self) {
         if self.n_touches() == 0 {
             self.misses.clear();
@@ -174,12 +175,12 @@ impl SurfaceBelief {
         }
     }
 
-    /// Long loops unwind from now on once `stop` is asked for ([`Stop::check`]).
+    /// Makes long loops unwind once `stop` is requested ([`Stop::check`]).
     pub fn heed(&mut self, stop: &Stop) {
         self.common.stop = stop.clone();
     }
 
-    /// What the belief knows the objects by.
+    /// The model of the catalogue's objects.
     #[must_use]
     pub fn model(&self) -> &SurfaceModel {
         &self.common.model
@@ -219,8 +220,8 @@ impl SurfaceBelief {
         all
     }
 
-    /// The belief as an answer with at most `n_modes` poses. Poses that look alike by the object's
-    /// symmetry are one.
+    /// The belief as an answer with at most `n_modes` poses. Poses that are equivalent under the
+    /// object's symmetry are merged.
     #[must_use]
     pub fn answer(&self, n_modes: usize) -> Answer {
         let joint = self.joint();
@@ -234,8 +235,8 @@ impl SurfaceBelief {
     }
 
     /// About `n` poses of the likeliest objects, drawn from the posterior; none before the first
-    /// touch. Their probabilities are given that the object is a known one, and sum to 1 less
-    /// what is left out.
+    /// touch. Their probabilities are given that the object is a known one, and sum to 1 minus
+    /// the share of omitted poses.
     #[must_use]
     pub fn samples(&self, n: usize, stream: &mut Stream) -> Vec<PoseSample> {
         let of = self.leading().explained();
@@ -243,8 +244,8 @@ impl SurfaceBelief {
         samples(&self.common, &posed, &self.posterior(), n, stream)
     }
 
-    /// ln of how much likelier the reading is than a touch anywhere, where the object is now;
-    /// `None` while fewer than three touches say where that is.
+    /// ln likelihood ratio of the reading under the object's current poses against a touch
+    /// anywhere; `None` before three touches have determined the poses.
     #[must_use]
     pub fn log_predictive(&self, reading: &Reading, sensor: &SensorDescription) -> Option<f64> {
         let rest = self.rest.explained();
@@ -279,23 +280,23 @@ impl SurfaceBelief {
         checkpoint.to_bytes()
     }
 
-    /// Takes note of a reading whose conclusions [`SurfaceBelief::resume`] brings.
+    /// Records a reading whose conclusions follow from [`SurfaceBelief::resume`].
     pub fn retrace(&mut self, reading: &Reading, sensor: &SensorDescription) {
         let observed = self.observe(reading, sensor);
         self.rest.observe(&observed);
     }
 
-    /// Takes note of an announced move (see [`SurfaceBelief::announce_move`]) whose conclusions
-    /// [`SurfaceBelief::resume`] brings.
+    /// Records an announced move (see [`SurfaceBelief::announce_move`]) whose conclusions follow
+    /// from [`SurfaceBelief::resume`].
     pub fn retrace_move(&mut self) {
         self.observe_move();
     }
 
-    /// Takes over the conclusions of a checkpoint from readings that were all retraced, in their
+    /// Restores the conclusions of a checkpoint after all its readings were retraced in their
     /// order.
     ///
     /// # Errors
-    /// [`NotCheckpoint`]; the belief is of no use then.
+    /// [`NotCheckpoint`]; the belief must not be used afterwards.
     pub fn resume(&mut self, bytes: &[u8]) -> Result<(), NotCheckpoint> {
         let n_objects = self.common.prior.log_objects.len();
         let Checkpoint { n_readings, n_touches, stage, prior, components } =
@@ -303,7 +304,7 @@ impl SurfaceBelief {
         if (n_readings, n_touches) != (self.n_readings, self.n_touches()) {
             return Err(NotCheckpoint);
         }
-        // Everything about a drifting object but its poses follows from the touches.
+        // Everything about a drifting component except its poses follows from the touches.
         self.drifting = match components.len() {
             1 => Vec::new(),
             n if n == 1 + AMPLITUDES && self.rest.explained().motion == Motion::Rest => {
@@ -319,7 +320,7 @@ impl SurfaceBelief {
         Ok(())
     }
 
-    /// The component at rest, with what it shares.
+    /// The component at rest, and the parts that all components share.
     pub(super) fn at_rest(&self) -> (&Common, Explained<'_>) {
         (&self.common, self.rest.explained())
     }
@@ -339,7 +340,7 @@ impl SurfaceBelief {
         std::iter::once(&self.rest).chain(&self.drifting)
     }
 
-    /// The drifting component that is likelier than any other; `None` when rest is.
+    /// Index of the drifting component that is likelier than any other; `None` if rest is likelier.
     fn leader(&self) -> Option<usize> {
         if self.drifting.is_empty() { None } else { leader(&self.joint()) }
     }

@@ -1,30 +1,31 @@
-//! Agreement: how alike the features of two touches are (equation R7).
+//! Agreement: similarity of the features of two touches (equation R7).
 //!
-//! Touches of one place mostly agree far better than their covariance says and sometimes, at edges,
-//! far worse: hence the heavy tails of [`kernel`].
+//! Touches of one place mostly agree far better than their covariance implies and sometimes, at
+//! edges, far worse; hence the heavy tails of [`kernel`].
 
-/// Axes of the space of appearance at most.
+/// Maximum number of axes of the appearance space.
 pub const N_AXES: usize = 8;
 
-/// A feature: coordinates in the space, in deviations of two touches of one place.
+/// A feature: coordinates in the appearance space, in standard deviations of two touches of one
+/// place.
 pub type Feature = [f32; N_AXES];
 
-/// A stored feature, in steps of a sixteenth.
+/// A stored feature, quantised in steps of a sixteenth.
 pub type StoredFeature = [i8; N_AXES];
 
-/// Steps of a stored feature to one deviation.
+/// Steps of a stored feature per deviation.
 pub(crate) const STEPS: f32 = 16.0;
 
-/// Share of touches with any appearance, so that none is impossible.
+/// Share of touches with arbitrary appearance, so that none is impossible.
 const OUTLIERS: f32 = 0.05;
 
-/// A feature as it is stored; beyond ±8 deviations it stays at the end of the range.
+/// Quantises a feature for storage; values beyond ±8 deviations are clamped.
 #[must_use]
 pub fn stored(feature: &Feature) -> StoredFeature {
     feature.map(|value| (value * STEPS).round() as i8)
 }
 
-/// The feature that is stored, to half a step.
+/// Restores a stored feature, to half a step.
 #[must_use]
 pub fn unstored(feature: &StoredFeature) -> Feature {
     feature.map(|steps| f32::from(steps) / STEPS)
@@ -52,8 +53,8 @@ pub(super) fn kernel_of(square: f32, softness: f32) -> f32 {
     squared * squared * inverse * inverse.sqrt()
 }
 
-/// Appearance ratio: density of a feature where `other` was felt over that anywhere. Equation R7 of
-/// docs/recogniser.md. `density` is that of
+/// Appearance ratio: density of a feature at the place of `other` over that anywhere. Equation
+/// R7 of docs/recogniser.md. `density` is that of
 /// [`density_anywhere`](super::appearance::AppearanceSpace::density_anywhere).
 #[inline]
 #[must_use]

@@ -1,8 +1,8 @@
-//! Appearance space: the appearance of a touch in a few numbers.
+//! Appearance space: the appearance of a touch as a short feature vector.
 //!
-//! Un-normalised Polar-Fourier and the peak pressure are projected onto the few axes along
-//! which places differ more than touches of one place (Fisher, 1936), scaled so that two
-//! touches of one place differ with covariance 1.
+//! Un-normalised Polar-Fourier and the peak pressure are projected onto the few discriminant
+//! axes, along which places differ more than touches of one place (Fisher, 1936), scaled so that
+//! the difference of two touches of one place has unit covariance.
 
 use super::agreement::{Feature, N_AXES, StoredFeature};
 use super::features::Features;
@@ -79,7 +79,7 @@ impl PartialEq for AppearanceSpace {
     }
 }
 
-/// The feature of a raw feature.
+/// Projects a raw feature into the space.
 #[must_use]
 pub fn project(projection: &Discriminant, raw: &[f64]) -> Feature {
     let mut feature = [0.0; N_AXES];
@@ -111,8 +111,8 @@ pub fn raw_feature(descriptor: &PolarFourier, image: &TactileImage) -> Vec<f64> 
     feature
 }
 
-/// An image as taxels on another grid about the same centre would have read it: the mean over
-/// each taxel's square, 0 outside the array.
+/// Resamples an image to another grid with the same centre: the mean over each taxel's square, 0
+/// outside the array.
 #[must_use]
 pub fn resampled(image: &TactileImage, from: &TaxelGrid, to: &TaxelGrid) -> TactileImage {
     const SAMPLES: usize = 4;
@@ -131,7 +131,8 @@ pub fn resampled(image: &TactileImage, from: &TaxelGrid, to: &TaxelGrid) -> Tact
     TactileImage { rows: to.rows, cols: to.cols, pressures }
 }
 
-/// The pressure at a place of the sensor's plane, between the taxels' centres bilinear.
+/// The pressure at a place of the sensor's plane, interpolated bilinearly between the taxels'
+/// centres.
 fn at(image: &TactileImage, grid: &TaxelGrid, x: f64, y: f64) -> f64 {
     let (x0, y0) = grid.center(0, 0);
     let (x1, y1) = grid.center(grid.rows - 1, grid.cols - 1);
@@ -139,7 +140,7 @@ fn at(image: &TactileImage, grid: &TaxelGrid, x: f64, y: f64) -> f64 {
         if n < 2 { 0.0 } else { (value - first) / (last - first) * (n as f64 - 1.0) }
     };
     let (col, row) = (place(x, x0, x1, grid.cols), place(y, y0, y1, grid.rows));
-    // Half a taxel beyond the outermost centres still is the array.
+    // The array extends half a taxel beyond the outermost centres.
     let inside = |place: f64, n: usize| (-0.5..=n as f64 - 0.5).contains(&place);
     if !inside(col, grid.cols) || !inside(row, grid.rows) {
         return 0.0;
@@ -164,7 +165,8 @@ mod tests {
         TaxelGrid { rows: side, cols: side, pitch, taxel_width: pitch }
     }
 
-    /// A contact 3 mm wide and 2 mm high (deviations), off the centre, as taxels would read it.
+    /// Image of a Gaussian contact off the centre, with standard deviations of 3 mm along x and
+    /// 2 mm along y.
     fn blob(grid: &TaxelGrid) -> TactileImage {
         let at = |x: f64, y: f64| {
             let (x, y) = ((x / MM - 0.7) / 3.0, (y / MM + 0.4) / 2.0);

@@ -1,29 +1,31 @@
-//! Bend: the surface between the patches of a map, by its curvature about each.
+//! Bend: the curvature of the surface about each patch, which gives the surface between patches.
 //!
-//! On the way t along the surface the normal turns, n(t) ≈ n + S t, and the surface falls away
-//! by ½ tᵀ S t; S is symmetric, that of the second fundamental form. It is fitted to the normals
-//! of the patches around, drawn towards a plane. The residuals are the variances with which
-//! normals scatter there: a lot at edges, little on any smooth surface, bent or not. The
-//! two variances, along the touch's stretch and across it, differ: a sensor may stand almost any
-//! way round on a ridge, but it lies along it. All follows from the patches; nothing is stored.
+//! Along a tangential displacement t the normal turns, n(t) ≈ n + S t, and the surface falls by
+//! ½ tᵀ S t; S is symmetric, that of the second fundamental form. It is fitted to the normals of
+//! the patches around, drawn towards a plane. The variances of the residuals are the scatter of
+//! normals: large at edges, small on any smooth surface, curved or flat. The variances along the
+//! touch's stretch and across it differ: on a ridge a sensor aligns with the ridge but may tilt
+//! about it. All values follow from the patches; none are stored.
 
 use glam::{Mat3, Vec2, Vec3};
 
 use super::patch::SurfacePatch;
 
-/// Reach of the patches that tell the bend about one, in spacings.
+/// Radius within which neighbours determine the bend about a patch, in spacings.
 const REACH_SPACINGS: f32 = 1.75;
 
-/// Deviation of their weight, in spacings.
+/// Standard deviation of the neighbours' Gaussian weight, in spacings.
 const WIDTH_SPACINGS: f32 = 1.0;
 
-/// Least spacing, metres: nearer touches are of one place.
+/// Least spacing, metres; closer touches are of one place.
 const SPACING_MIN: f32 = 0.003;
 
-/// Least cosine of a neighbour's normal: others are of another side.
+/// Least cosine of a neighbour's normal with the patch's; below it the neighbour is on another
+/// side.
 const FACING_MIN: f32 = 0.2;
 
-/// Largest share of a neighbour's offset along the normal: others are of another side.
+/// Largest share of a neighbour's offset along the normal; above it the neighbour is on another
+/// side.
 const STEEPEST: f32 = 0.7;
 
 /// Prior deviation of the bend, rad/m.
@@ -32,7 +34,7 @@ const BEND_USUAL: f32 = 100.0;
 /// Prior deviation of a normal along either axis, rad.
 const MISS_USUAL: f32 = 0.1;
 
-/// Patches that the prior weighs as.
+/// Weight of the prior, in patches.
 const KNOWN: f32 = 2.0;
 
 /// Least variance of normals along either axis, rad².
@@ -46,8 +48,8 @@ pub const VARIANCE_MAX: f32 = 0.25;
 pub struct Bend {
     /// xx, xy and yy of S, rad/m, along the touch's direction and across it.
     pub form: [f32; 3],
-    /// Scatter of normals about the one expected: variances of the tangent of their angle
-    /// along the touch's direction and across it, about rad².
+    /// Scatter of normals about the expected one: variances of the tangent of their angle along
+    /// the touch's direction and across it, about rad².
     pub normal_variances: [f32; 2],
 }
 
@@ -62,7 +64,7 @@ pub fn bends(patches: &[SurfacePatch], spacing: f32) -> Vec<Bend> {
 /// A touch near another one, in that one's tangent plane.
 struct Neighbour {
     weight: f32,
-    /// The way there, metres.
+    /// Offset in the tangent plane, metres.
     way: Vec2,
     /// Turn of its normal: tangent of the angle along both axes.
     turn: Vec2,
@@ -95,7 +97,7 @@ fn bend(patch: &SurfacePatch, all: &[SurfacePatch], spacing: f32) -> Bend {
     Bend { form: [xx, xy, yy], normal_variances: squares.to_array().map(variance) }
 }
 
-/// A touch as one of the same side of the surface near `patch`; `None` when it is none.
+/// A touch as a neighbour of `patch`; `None` if it is far or on another side of the surface.
 fn neighbour(patch: &SurfacePatch, other: &SurfacePatch, spacing: f32) -> Option<Neighbour> {
     let off = other.position - patch.position;
     let square = off.length_squared();
@@ -127,7 +129,7 @@ mod tests {
         }
     }
 
-    /// A cylinder of 10 mm radius about z, touched at random.
+    /// A cylinder of 10 mm radius about z with `n` random patches.
     fn cylinder(n: usize) -> Vec<SurfacePatch> {
         let mut stream = Stream::new(3, Purpose::Shape, 0);
         let mut touch = || {
@@ -182,7 +184,7 @@ mod tests {
             let row = |off: f32| (0..9).map(move |n| off * down + 0.003 * n as f32 * Vec3::Y);
             row(0.001).chain(row(0.004)).map(move |at| patch(at, normal)).collect::<Vec<_>>()
         };
-        // The faces are at right angles: only a blunter ridge joins them.
+        // Faces at right angles have no common bend; those of a blunter ridge do.
         let sharp = bends(&[side(1.0), side(-1.0)].concat(), 0.003);
         assert!(mean(&sharp) < 0.15, "{}", mean(&sharp));
         let blunt: Vec<SurfacePatch> = [side(1.0), side(-1.0)]
@@ -195,7 +197,7 @@ mod tests {
 
     #[test]
     fn about_a_ridge_normals_scatter_and_along_it_they_do_not() {
-        // Touches along y stand 0.4 rad to either side by turns; contacts are stretched along y.
+        // Touches along y lean 0.4 rad to alternating sides; contacts are stretched along y.
         let ridge: Vec<SurfacePatch> = (0..20)
             .map(|n| {
                 let side = if n % 2 == 0 { 0.4f32 } else { -0.4 };

@@ -1,14 +1,14 @@
-//! Calibration of evidence: how ln evidence becomes probability (equations R13 and R18).
+//! Calibration of evidence: map from ln evidence to probability (equations R13 and R18).
 
 /// Temperature, b and c of each stage of the default calibration. 7.24 is 13, fitted when each of
 /// ten objects weighed 1 instead of a tenth, less 2.5 ln 10.
 const DEFAULT_STAGES: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [1.2, 0.0, 0.0], [2.5, 7.24, 8.5]];
 
-/// How ln evidence becomes probability after one, two, and three or more touches: the stages have
-/// evidence of different kinds (equation R17).
+/// Map from ln evidence to probability after one, two, and three or more touches, since the
+/// evidence of these stages differs in kind (equation R17).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EvidenceCalibration {
-    /// After one, two, and three or more touches.
+    /// Stages after one, two, and three or more touches.
     pub stages: [EvidenceStage; 3],
     /// The data it was learnt on.
     pub basis: CalibrationBasis,
@@ -19,23 +19,23 @@ pub struct EvidenceCalibration {
 pub enum CalibrationBasis {
     /// Readings held back from training.
     HeldBack {
-        /// The number of objects they are of; 0 when an old version does not say.
+        /// Number of objects with such readings; 0 for an old version that does not record it.
         objects: usize,
     },
-    /// None: with one object alone there are no touches of an unknown object.
+    /// No data: a single object leaves no touches of an unknown object.
     OneObject,
-    /// None: no object has enough readings to hold some back.
+    /// No data: no object has enough readings to hold some back.
     FewReadings,
 }
 
-/// How ln evidence becomes probability at one stage.
+/// Map from ln evidence to probability at one stage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EvidenceStage {
-    /// τ_k: evidence is divided by this; above 1 it is believed less than it says.
+    /// τ_k, the temperature by which evidence is divided; above 1 it reduces confidence.
     pub temperature: f64,
     /// b_k: ln evidence of "none of these" before any touch.
     pub unknown: f64,
-    /// c_k: what every touch adds to it, by weight.
+    /// c_k: increase of it per touch, by weight.
     pub unknown_per_touch: f64,
 }
 

@@ -1,9 +1,9 @@
-//! Facets: patches with the surface bent about each, one line of the cache each.
+//! Facets: patches with the curved surface about each, one cache line each.
 //!
-//! Poses are judged by touches anywhere on an object, so the part of its map that is read is rarely
-//! in the cache: in a large catalogue most time goes into waiting for memory. All that is read of
-//! a patch is therefore together in 64 bytes. For that, elongation and the variances of normals
-//! are kept in steps, far finer than they are known.
+//! Poses are scored by touches anywhere on an object, so that the part of its map that is read
+//! is rarely in the cache: in a large catalogue most time is memory latency. All that is read of
+//! a patch is therefore packed into 64 bytes. For this, elongation and the variances of normals
+//! are quantised, far more finely than their accuracy.
 
 use glam::{Vec2, Vec3};
 
@@ -14,10 +14,10 @@ use super::patch::SurfacePatch;
 /// Cap on the turn of the normal along the surface: tangent of the angle.
 const TURN_MAX: f32 = 1.0;
 
-/// Steps from 0 to the largest number.
+/// Quantisation steps from 0 to the maximum.
 const STEPS: f32 = u16::MAX as f32;
 
-/// A patch of an object's surface and the surface bent about it, object frame.
+/// A patch of an object's surface and the curved surface about it, object frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(align(64))]
 pub struct Facet {
@@ -63,8 +63,8 @@ impl Facet {
         f32::from(self.elongation) * (1.0 / STEPS)
     }
 
-    /// Scatter of normals about the one expected: variances of the tangent of their angle
-    /// along the direction and across it, about rad².
+    /// Scatter of normals about the expected one: variances of the tangent of their angle along
+    /// the direction and across it, about rad².
     #[inline]
     #[must_use]
     pub fn normal_variances(&self) -> [f32; 2] {
@@ -72,7 +72,7 @@ impl Facet {
         [f32::from(along) * (VARIANCE_MAX / STEPS), f32::from(across) * (VARIANCE_MAX / STEPS)]
     }
 
-    /// Scatter of normals in all about the one expected, rad.
+    /// Total scatter of normals about the expected one, rad.
     #[inline]
     #[must_use]
     pub fn normal_deviation(&self) -> f32 {
@@ -80,8 +80,8 @@ impl Facet {
         (along + across).sqrt()
     }
 
-    /// Height (m) of a point above the bent surface, and the surface's normal there; `off` is the
-    /// point relative to the patch (m). Equation R4a of docs/recogniser.md.
+    /// Height (m) of a point above the curved surface, and the surface's normal there; `off` is
+    /// the point relative to the patch (m). Equation R4a of docs/recogniser.md.
     #[inline]
     #[must_use]
     pub fn surface_at(&self, off: Vec3) -> (f32, Vec3) {

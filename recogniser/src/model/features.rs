@@ -1,8 +1,7 @@
-//! Features of many touches, laid out so that one touch is compared with several at once.
+//! Features of many touches, laid out for comparison with several at once.
 //!
-//! The numbers are those of [`ratio`](super::agreement::ratio) to the bit: other is only the
-//! order in which they are worked out, eight touches beside each other. Their features are one
-//! line of the cache.
+//! Results equal those of [`ratio`](super::agreement::ratio) to the bit; eight touches are
+//! computed side by side. Their features fill one cache line.
 
 use std::ops::Range;
 
@@ -17,7 +16,7 @@ type Block = [[i8; LANES]; N_AXES];
 /// Features of touches in their order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Features {
-    /// The last one is filled up with zeros.
+    /// Blocks of features; the last one is padded with zeros.
     blocks: Vec<Block>,
     len: usize,
 }
@@ -40,7 +39,7 @@ impl Features {
         self.len
     }
 
-    /// Whether there is none.
+    /// Whether there are no features.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len == 0
@@ -63,7 +62,7 @@ impl Features {
         let mut next = range.start;
         while next < range.end {
             let (block, first) = (next / LANES, next % LANES);
-            // Loops: `map` of an array would be called, not compiled into this one.
+            // Loops, since `map` of an array is not inlined here.
             let mut ratios = squares(feature, &self.blocks[block]);
             for ratio in &mut ratios {
                 *ratio = ratio_of(kernel_of(*ratio, softness), density);

@@ -1,8 +1,8 @@
 //! The joint pair table: pairs of patches of all objects of a catalogue in one table.
 //!
-//! Source: section 5.3 keeps the pairs of all objects in one hash multimap. Here these are the
-//! pairs of the first touches of each map, which cover its surface evenly: enough to estimate
-//! the density of an object's pairs about a geometry. Each object's own
+//! Source: section 5.3 keeps the pairs of all objects in one hash multimap. Here the table holds
+//! the pairs of the first touches of each map, which cover its surface evenly and suffice to
+//! estimate the density of an object's pairs about a geometry. Each object's own
 //! [`super::pair_table::PairTable`] holds them all.
 
 use std::ops::Range;
@@ -15,14 +15,14 @@ use super::pair_cells::{N_DISTANCES_MAX, PairCells};
 use super::pair_geometry::PairGeometry;
 use crate::options::PairTolerance;
 
-/// Patches of an object whose pairs are tabled; one byte names them.
+/// Patches of an object whose pairs are tabled; an index fits into one byte.
 pub const TOUCHES_PER_OBJECT: usize = 128;
 
-/// Objects that share a table; one byte names them. Tables are looked up in parallel.
+/// Objects that share a table; an index fits into one byte. Tables are looked up in parallel.
 pub const OBJECTS_PER_TABLE: usize = 64;
 
-/// Equal bins of a cosine: finer than in the table of one object, since a table has the pairs of
-/// many.
+/// Number of equal bins of a cosine, finer than in the table of one object, since a table has
+/// the pairs of many.
 const N_COSINES: usize = 16;
 
 /// The pairs of the first touches of all objects.
@@ -37,7 +37,7 @@ pub struct JointTable {
     cells: PairCells<JointPair, N_COSINES>,
     facets: Vec<Facet>,
     features: Features,
-    /// Where each object's patches begin; one more than there are objects.
+    /// Index of each object's first patch, and the total at the end.
     starts: Vec<u32>,
 }
 
@@ -118,8 +118,8 @@ impl JointTable {
     }
 
     /// Calls `visited` with the object (from 0 in this table) of every stored pair that may be
-    /// within `tolerance` of the query, and which of the tabled touches make it, in the query's
-    /// order. The caller compares the geometry ([`Self::pair`]) itself.
+    /// within `tolerance` of the query, and the indices of its two tabled touches, in the
+    /// query's order. The caller compares the geometry ([`Self::pair`]) itself.
     #[inline]
     pub fn matches(
         &self,
@@ -203,7 +203,7 @@ mod tests {
         (object, positions.map(|position| position.x.to_bits()))
     }
 
-    /// What the table answers, kept to what is within the tolerance.
+    /// Pairs that the table returns, filtered to those within the tolerance.
     fn found(table: &JointTable, query: PairGeometry) -> Pairs {
         let mut pairs = Pairs::new();
         table.matches(query, TOLERANCE, |object, touches| {

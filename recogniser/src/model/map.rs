@@ -13,12 +13,12 @@ use super::solid::Solid;
 use super::voxels::Voxels;
 use palpate_core::symmetry::Symmetry;
 
-/// Patches of a map at most: a pair names them by two bytes.
+/// Maximum number of patches of a map: an index fits into two bytes.
 pub const PATCHES_MAX: usize = u16::MAX as usize;
 
-/// Least reach of a voxel, in spacings of patches. A patch explains as widely along the surface as
-/// patches lie apart (`verify::density`), so the reach is as many deviations of that, too: 7 mm of
-/// 4 mm where they lie nearer.
+/// Least reach of a voxel, in spacings of patches. The width of a patch's kernel along the
+/// surface grows with the spacing (`verify::density`), so that the reach grows in proportion: 7
+/// mm for 4 mm if the spacing is smaller.
 const REACH_SPACINGS: f32 = 1.75;
 
 /// Least edge of a voxel, in spacings of patches.
@@ -27,13 +27,13 @@ const EDGE_SPACINGS: f32 = 0.8;
 /// Layout of a map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceLayout {
-    /// Edge of a voxel, metres, at least.
+    /// Edge of a voxel, metres; a minimum.
     pub voxel: f32,
-    /// Reach of a voxel, metres, at least.
+    /// Reach of a voxel, metres; a minimum.
     pub reach: f32,
     /// Patches whose pairs are tabled: the first ones.
     pub pair_patches_max: usize,
-    /// Shorter pairs are not tabled, metres.
+    /// Least distance of a tabled pair, metres.
     pub pair_distance_min: f32,
     /// Width of the pairs' distance bins, metres.
     pub pair_distance_edge: f32,
@@ -68,8 +68,8 @@ pub struct SurfaceMap {
     self_match: Memo,
 }
 
-/// A number that follows from the map and the space it was learnt in, found when it is first needed:
-/// maps are equal with and without it.
+/// A number that follows from the map and its appearance space, computed when first needed; it
+/// is ignored when maps are compared.
 #[derive(Clone, Debug, Default)]
 struct Memo(OnceLock<f32>);
 
@@ -80,8 +80,8 @@ impl PartialEq for Memo {
 }
 
 impl SurfaceMap {
-    /// A map of patches (most wanted first, at most [`PATCHES_MAX`]), in the object frame whose origin
-    /// lies at `origin_in_training` (m) of the training frame; without symmetry.
+    /// A map of patches (in the order of thinning, at most [`PATCHES_MAX`]), in the object frame
+    /// whose origin lies at `origin_in_training` (m) of the training frame; without symmetry.
     #[must_use]
     pub fn new(
         origin_in_training: DVec3,
@@ -92,7 +92,7 @@ impl SurfaceMap {
             patches.iter().map(|patch| (patch.position, patch.normal)).collect();
         let paired = &places[..layout.pair_patches_max.min(places.len())];
         let spacing = spacing(&places);
-        // On a large object touches lie far apart: what is near is so in their measure.
+        // On a large object touches lie far apart, so that the reach is relative to their spacing.
         let reach = layout.reach.max(REACH_SPACINGS * spacing);
         let edge = layout.voxel.max(EDGE_SPACINGS * spacing);
         let voxels = Voxels::build(&places, edge, reach, REACH_SPACINGS);
@@ -128,13 +128,13 @@ impl SurfaceMap {
         &self.symmetry
     }
 
-    /// Where the object frame's origin lies in the training frame, metres.
+    /// Origin of the object frame in the training frame, metres.
     #[must_use]
     pub fn origin_in_training(&self) -> DVec3 {
         self.origin_in_training
     }
 
-    /// The touches, most wanted first.
+    /// The patches, in the order of thinning.
     #[must_use]
     pub fn patches(&self) -> &[SurfacePatch] {
         &self.patches
@@ -146,7 +146,7 @@ impl SurfaceMap {
         &self.features
     }
 
-    /// The patches in their order, each with the surface bent about it.
+    /// The patches in their order, each with the curved surface about it.
     #[must_use]
     pub fn facets(&self) -> &[Facet] {
         &self.facets
@@ -176,7 +176,7 @@ impl SurfaceMap {
         &self.voxels
     }
 
-    /// Where there is material.
+    /// The grid of solid and vacant space.
     #[must_use]
     pub fn solid(&self) -> &Solid {
         &self.solid
@@ -188,8 +188,8 @@ impl SurfaceMap {
         &self.pairs
     }
 
-    /// The self-match score of the map (equation R12), computed by `find` when it is not known yet;
-    /// it must follow from the map and the space it was learnt in.
+    /// The self-match score of the map (equation R12), computed by `find` on first use; it must
+    /// follow from the map and its appearance space.
     pub(crate) fn self_match(&self, find: impl FnOnce() -> f32) -> f32 {
         *self.self_match.0.get_or_init(find)
     }
@@ -208,8 +208,8 @@ impl SurfaceMap {
     }
 }
 
-/// √(area/touches): twice the median distance to the nearest touch, which is its expectation
-/// where touches are spread at random.
+/// √(area/touches): estimated as twice the median distance to the nearest touch, its expectation
+/// for touches spread at random.
 fn spacing(places: &[(Vec3, Vec3)]) -> f32 {
     let nearest = |(index, (position, _)): (usize, &(Vec3, Vec3))| {
         let others = places.iter().enumerate().filter(|(other, _)| *other != index);

@@ -1,8 +1,9 @@
-//! Near patches: a few of those about a cube of space, and the number that each stands for.
+//! Near patches: a few of those about a cube of space, and the number that each represents.
 //!
-//! The density of a touch is a sum over all patches about it. Where they are many, a few stand for
-//! all: each for itself and for those left out that are nearest to it and face its way (equation
-//! R8). So the density does not depend on how often a surface was touched.
+//! The density of a touch is a sum over all patches about it. Where they are many, a few
+//! represent all: each counts for itself and for the omitted ones that are nearest to it and
+//! face the same way (equation R8). The density therefore does not depend on the number of
+//! touches of a surface.
 
 use glam::Vec3;
 
@@ -10,27 +11,27 @@ use palpate_core::exponential::exp;
 
 use super::thinning::NORMAL_REACH;
 
-/// Patches that are listed at most: all are read for every touch under every pose.
+/// Maximum number of patches in a list; all are read for every touch under every pose.
 pub const NEAR_MAX: usize = 6;
 
-/// Patches that are listed of each of two sides of a wall at least, if there are as many.
+/// Minimum number of listed patches of each of two sides of a wall, if there are as many.
 const OF_EACH_SIDE: usize = NEAR_MAX / 2;
 
 /// Largest cosine of the normals of two sides of a wall. Faces that meet in an edge have a larger
 /// one.
 const APART: f32 = -0.5;
 
-/// Fills up a list of fewer patches.
+/// Filler of a list with fewer patches.
 const NONE: u16 = u16::MAX;
 
-/// Bits of a number's fraction that are kept: steps of a sixteenth, far finer than a density is
-/// known.
+/// Bits of a number's fraction that are kept: steps of a sixteenth, far finer than the accuracy
+/// of a density.
 const FRACTION_BITS: u32 = 4;
 
 /// Bits of a number's fraction that are dropped.
 const DROPPED_BITS: u32 = f32::MANTISSA_DIGITS - 1 - FRACTION_BITS;
 
-/// The patches near a cube: their indices, nearest first, and the number that each stands for.
+/// The patches near a cube: their indices, nearest first, and the number that each represents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Near {
     touches: [u16; NEAR_MAX],
@@ -69,21 +70,21 @@ impl Near {
         self.touches.into_iter().take_while(|touch| *touch != NONE)
     }
 
-    /// The patches, each with the number that it stands for, itself included.
+    /// The patches, each with the number that it represents, itself included.
     #[inline]
     pub fn weighed(self) -> impl Iterator<Item = (u16, f32)> {
         let numbers = self.stands_for.into_iter().map(read);
         self.touches.into_iter().zip(numbers).take_while(|(touch, _)| *touch != NONE)
     }
 
-    /// The number of patches that all of them stand for.
+    /// The total number of patches represented.
     #[inline]
     pub fn n_meant(self) -> f32 {
         self.weighed().map(|(_, number)| number).sum()
     }
 }
 
-/// Weight of the patches that a cube's list leaves out, by the listed patch that stands for them.
+/// Weight of the patches that a cube's list omits, by the listed patch that represents them.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct LeftOut([f32; NEAR_MAX]);
 
@@ -108,8 +109,8 @@ impl LeftOut {
         }
     }
 
-    /// Writes down for how many each listed touch stands; `weigh` is what a touch weighs at the
-    /// cube.
+    /// Stores the number that each listed patch represents; `weigh` gives a patch's weight at
+    /// the cube.
     pub(super) fn settle(&self, near: &mut Near, weigh: impl Fn(u16) -> f32) {
         let listed: Vec<u16> = near.touches().collect();
         for (slot, touch) in listed.into_iter().enumerate() {
@@ -123,7 +124,7 @@ pub(super) fn weight(square: f32, inverse_variance: f32) -> f32 {
     exp(-0.5 * square * inverse_variance)
 }
 
-/// A number from 1 on in a byte: four bits each of its power of two and its fraction.
+/// Encodes a number of at least 1 in a byte: four bits each for its power of two and its fraction.
 fn written(number: f32) -> u8 {
     let rounded = number.max(1.0).to_bits() + (1 << (DROPPED_BITS - 1));
     let steps = (rounded - 1f32.to_bits()) >> DROPPED_BITS;

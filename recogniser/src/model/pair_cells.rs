@@ -8,7 +8,7 @@ use std::ops::Range;
 use super::pair_geometry::PairGeometry;
 use crate::options::PairTolerance;
 
-/// Distance bins at most: objects beyond about a metre have wider bins.
+/// Maximum number of distance bins; objects larger than about a metre have wider bins.
 pub(super) const N_DISTANCES_MAX: f32 = 512.0;
 
 /// Entries in cells by the geometry of a pair; cosines are cut into `N_COSINES` equal bins.
@@ -17,7 +17,7 @@ pub(super) struct PairCells<T, const N_COSINES: usize> {
     min: f32,
     edge: f32,
     n_distances: usize,
-    /// Where each cell's entries begin; one more than there are cells.
+    /// Index of each cell's first entry, and the total at the end.
     starts: Vec<u32>,
     entries: Vec<T>,
 }
@@ -51,7 +51,7 @@ impl<T: Copy + Ord, const N_COSINES: usize> PairCells<T, N_COSINES> {
     }
 
     /// Calls `found` with every entry whose cell may hold pairs within `tolerance` of the query,
-    /// then with those within it of the query seen from its other end, for which it says `true`.
+    /// then with those for the reversed query, with `true` as second argument.
     #[inline]
     pub(super) fn visit(
         &self,
@@ -63,13 +63,13 @@ impl<T: Copy + Ord, const N_COSINES: usize> PairCells<T, N_COSINES> {
         for (query, is_reversed) in [(query, false), (query.reversed(), true)] {
             self.rows(query, tolerance, |row| rows.push((row, is_reversed)));
         }
-        // One place calls `found`, so that it is compiled into this loop.
+        // A single call of `found`, so that it is inlined into this loop.
         for (row, is_reversed) in rows {
             self.entries[row].iter().for_each(|entry| found(*entry, is_reversed));
         }
     }
 
-    /// Calls `row` with where the entries of neighbouring cells are.
+    /// Calls `row` with each range of entries of neighbouring cells.
     fn rows(
         &self,
         query: PairGeometry,

@@ -1,7 +1,7 @@
-//! The geometry of a pair of touches: what no motion of the object changes.
+//! The geometry of a pair of touches: its invariants under motion of the object.
 //!
-//! Distance and three cosines (the first normal, the second normal and each other's) after
-//! Drost et al. (2010), because a pair fixes the pose in closed form when both normals are known.
+//! Distance and three cosines (the first normal, the second normal and each other's) after Drost
+//! et al. (2010), because a pair with both normals determines the pose in closed form.
 
 use glam::Vec3;
 
@@ -13,12 +13,12 @@ pub struct PairGeometry {
     /// Cosines: first normal with the axis (from first to second), second normal with the
     /// axis, the two normals with each other.
     pub cosines: [f32; 3],
-    /// (first normal × second normal) · axis: tells a pair from its mirror image.
+    /// (first normal × second normal) · axis, which distinguishes a pair from its mirror image.
     pub chirality: f32,
 }
 
 impl PairGeometry {
-    /// The geometry of two places; `None` for one and the same.
+    /// The geometry of two places; `None` if they coincide.
     #[must_use]
     pub fn new(a: (Vec3, Vec3), b: (Vec3, Vec3)) -> Option<Self> {
         let axis = b.0 - a.0;

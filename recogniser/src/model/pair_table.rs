@@ -1,4 +1,4 @@
-//! The pair table of one object, which finds where an observed pair may lie on it.
+//! The pair table of one object, which finds the places of an observed pair on it.
 //!
 //! Each unordered pair is stored once; a query asks for both orders.
 
@@ -8,7 +8,7 @@ use super::pair_cells::{N_DISTANCES_MAX, PairCells};
 use super::pair_geometry::PairGeometry;
 use crate::options::PairTolerance;
 
-/// Equal bins of a cosine.
+/// Number of equal bins of a cosine.
 const N_COSINES: usize = 8;
 
 /// The pairs of one object.
@@ -20,7 +20,7 @@ pub struct PairTable {
 /// Two touches, the first before the second.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Pair {
-    // Sorted by the later one: what a shorter table would hold comes first in a cell.
+    // Sorted by the second patch: the pairs of a shorter table come first in a cell.
     second: u16,
     first: u16,
 }

@@ -1,4 +1,4 @@
-//! A patch: a place of an object's surface as one training touch knows it.
+//! A patch: a place of an object's surface as one training touch measured it.
 
 use glam::Vec3;
 

@@ -12,11 +12,12 @@ use super::patch::SurfacePatch;
 /// Edge of a cube, metres, at least.
 const EDGE: f32 = 0.002;
 
-/// Cubes along an axis at most.
+/// Maximum number of cubes along an axis.
 const CUBES_MAX: f32 = 64.0;
 
-/// Least depth of a solid cube's centre behind all patches near it, metres. Touches lie as deep as
-/// the covering was pressed in: on a thin sheet those of one side lie behind the other's.
+/// Least depth of a solid cube's centre behind all patches near it, metres. Touches lie below
+/// the surface by the covering's indentation: on a thin sheet those of one side lie behind those
+/// of the other.
 const DEPTH_MIN: f32 = 0.001_5;
 
 /// Least distance of a vacant cube's centre from every patch, metres.
@@ -67,7 +68,7 @@ impl Solid {
             return Self { min: Vec3::ZERO, inverse_edge: 1.0, n: UVec3::ZERO, solid, vacant };
         }
         let edge = EDGE.max((high - low).max_element() / (CUBES_MAX - 4.0));
-        // Two cubes of margin: what is outside reaches all around.
+        // A margin of two cubes, so that the outside is connected.
         let min = low - Vec3::splat(2.0 * edge);
         let n = ((high - low) / edge + Vec3::splat(4.0)).ceil().as_uvec3().max(UVec3::ONE);
         let total = (n.x * n.y * n.z) as usize;
@@ -93,14 +94,14 @@ impl Solid {
         Self { min, inverse_edge: edge.recip(), n, solid, vacant }
     }
 
-    /// True where there is material for all that the map knows.
+    /// True where the map has material.
     #[inline]
     #[must_use]
     pub fn is_solid(&self, point: Vec3) -> bool {
         self.cube(point).is_some_and(|cube| self.solid.holds(cube))
     }
 
-    /// True where there is nothing near: outside the box, or far from every touch.
+    /// True far from the object: outside the box, or far from every touch.
     #[inline]
     #[must_use]
     pub fn is_vacant(&self, point: Vec3) -> bool {
@@ -166,7 +167,7 @@ fn near(
     found.into_iter()
 }
 
-/// The cubes that a way through cubes that are not solid leads to, from any side of the box.
+/// The cubes that are connected to the sides of the box through cubes that are not solid.
 fn reached_from_outside(solid: &Bits, n: UVec3) -> Bits {
     const STEPS: [IVec3; 6] =
         [IVec3::X, IVec3::NEG_X, IVec3::Y, IVec3::NEG_Y, IVec3::Z, IVec3::NEG_Z];

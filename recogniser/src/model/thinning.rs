@@ -1,17 +1,17 @@
 //! Thinning: the order in which training touches are kept, best first.
 //!
-//! Source: section 5.6.3 asks for it. Touches are put into an order in which each next one
-//! lies farthest from those before it, so that the first n of them cover the surface as evenly
-//! as n touches can (Gonzalez, 1985); any prefix is a thinned map. Distance is that of the
-//! positions, and of the normals times a length, so that both sides of a thin wall stay.
+//! Source: section 5.6.3 proposes it. In this order each touch lies farthest from those before
+//! it, so that the first n of them cover the surface as evenly as n touches can (Gonzalez,
+//! 1985); any prefix is a thinned map. Distance combines that of the positions and that of the
+//! normals times a length, so that both sides of a thin wall are kept.
 
 use glam::Vec3;
 
-/// Distance (m) that a turn of the normal by one radian counts as.
+/// Distance (m) equivalent to one radian between normals.
 pub(crate) const NORMAL_REACH: f32 = 0.006;
 
 /// The indices of at most `n_max` touches, farthest first. The first touch of the list comes
-/// first; of touches equally far the earlier comes first.
+/// first; ties go to the earlier touch.
 #[must_use]
 pub fn farthest_first(places: &[(Vec3, Vec3)], n_max: usize) -> Vec<usize> {
     if places.is_empty() {

@@ -1,17 +1,17 @@
 //! Voxels: the patches near a point, by one look-up.
 //!
 //! The map's box, grown by `reach`, is cut into cubes; a cube whose centre is within reach of a
-//! patch lists the nearest few, nearest first, and the number that each stands for (`near`). Cubes
-//! far from the surface have no list. Cubes stand together in bricks of 4 × 4 × 4, with a bit for
-//! each cube that has a list: an object's bricks are a few kilobytes, which neighbouring look-ups
-//! share.
-//! The cubes are bounded in number: of large objects they are larger, and reach grows with them.
+//! patch lists the nearest few, nearest first, and the number that each represents (`near`).
+//! Cubes far from the surface have no list. Cubes are grouped in bricks of 4 × 4 × 4, with a bit
+//! for each cube that has a list: an object's bricks are a few kilobytes, which neighbouring
+//! look-ups share. The number of cubes is bounded: those of large objects are larger, and the
+//! reach grows with them.
 
 use glam::{UVec3, Vec3};
 
 use super::near::{LeftOut, Near, weight};
 
-/// Cubes along an axis at most.
+/// Maximum number of cubes along an axis.
 const CUBES_MAX: f32 = 120.0;
 
 /// Cubes along the edge of a brick.
@@ -20,8 +20,7 @@ const BRICK: u32 = 4;
 /// Cubes in a brick.
 const CUBES_OF_BRICK: u32 = BRICK.pow(3);
 
-/// Deviations of the Gaussian about a cube beyond which patches are left out: e^-3.1 of its mass
-/// in a plane, 4 %.
+/// Cutoff of the Gaussian about a cube, in deviations: it omits e^-3.1 of the mass in a plane, 4 %.
 const WIDTHS: f32 = 2.5;
 
 /// The lists of some neighbouring cubes.
@@ -29,7 +28,7 @@ const WIDTHS: f32 = 2.5;
 struct Brick {
     /// A bit for each cube, x fastest.
     listed: u64,
-    /// Where the lists of its cubes begin.
+    /// Index of the first list of its cubes.
     first: u32,
 }
 
@@ -41,16 +40,16 @@ pub struct Voxels {
     /// Cubes and bricks along each axis.
     n: UVec3,
     n_bricks: UVec3,
-    /// x fastest.
+    /// Bricks, x fastest.
     bricks: Vec<Brick>,
-    /// In the order of the bricks, then of the cubes in each.
+    /// Lists in the order of the bricks, then of the cubes in each.
     near: Vec<Near>,
 }
 
 impl Voxels {
     /// Cubes of `edge` metres about touches at `places` (position, normal); a cube lists touches
-    /// within `reach` (m) of its centre, and they stand for all about it by a Gaussian whose
-    /// deviation is `reach` over `widths`. At most 65,535 touches.
+    /// within `reach` (m) of its centre, and they represent all about it with a Gaussian weight
+    /// of deviation `reach` over `widths`. At most 65,535 touches.
     #[must_use]
     pub fn build(places: &[(Vec3, Vec3)], edge: f32, reach: f32, widths: f32) -> Self {
         let low = places.iter().map(|place| place.0).fold(Vec3::INFINITY, Vec3::min);
@@ -60,8 +59,8 @@ impl Voxels {
             let n = UVec3::ZERO;
             return Self { min: Vec3::ZERO, inverse_edge: 1.0, n, n_bricks: n, bricks, near };
         }
-        // An object may have any size: the cubes are bounded, not their edge. With a reach of an
-        // edge each touch is listed at least by the cube that it is in.
+        // An object may have any size: the number of cubes is bounded, not their edge. A reach
+        // of at least an edge lists each touch at least in its own cube.
         let edge = edge.max((high - low).max_element() / (CUBES_MAX - 2.0));
         let reach = reach.max(edge);
         let min = low - Vec3::splat(reach);
@@ -69,8 +68,8 @@ impl Voxels {
         let n = (extent / edge).ceil().as_uvec3().max(UVec3::ONE);
         let n_bricks = (n + UVec3::splat(BRICK - 1)) / BRICK;
         let cubes = Cubes { min, edge, n };
-        // One list, sorted by cube, then distance: a small list a cube would leave the memory in
-        // pieces that no other object fits into.
+        // One list, sorted by cube, then distance: one small list per cube would fragment the
+        // memory.
         let mut found: Vec<(u32, f32, u16)> = Vec::new();
         for (index, (position, _)) in places.iter().enumerate() {
             cubes.within(*position, reach, |cube, distance| {
@@ -96,7 +95,7 @@ impl Voxels {
         voxels
     }
 
-    /// Counts the patches that each listed one stands for, by a Gaussian of this `width` (m).
+    /// Counts the patches that each listed one represents, by a Gaussian of this `width` (m).
     /// Equation R8 of docs/recogniser.md.
     fn count(&mut self, places: &[(Vec3, Vec3)], cubes: &Cubes, width: f32) {
         let inverse_variance = width.powi(-2);
@@ -190,7 +189,7 @@ impl Cubes {
     }
 }
 
-/// The brick of a cube, and which of the brick's cubes it is.
+/// The brick of a cube, and the cube's index in it.
 #[inline]
 fn place(cube: UVec3, n_bricks: UVec3) -> (usize, u32) {
     let (brick, within) = (cube / BRICK, cube % BRICK);

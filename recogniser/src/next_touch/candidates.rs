@@ -1,8 +1,8 @@
-//! Own approaches: against patches of the samples' objects, and a few blind.
+//! Own approaches: against patches of the samples' objects, and a few at random.
 //!
-//! Each begins outside the object that it aims at and goes against the surface's normal. One that
-//! would meet another part of that object first is drawn again. One in eight goes past the middle
-//! of the object from anywhere, since the samples may be wrong.
+//! Each begins outside its target object and moves against the surface's normal. It is drawn
+//! again if it would meet another part of that object first. One in eight is blind: it passes
+//! near the centre of the object from a random direction, since the samples may be wrong.
 
 use std::f64::consts::TAU;
 
@@ -22,16 +22,16 @@ const CLEARANCE: f64 = 30.0 * MM;
 /// One approach in this many is blind.
 const BLIND_EVERY: usize = 8;
 
-/// Draws of an approach that would meet another part first.
+/// Maximum number of draws of an approach that would meet another part first.
 const DRAWS_MAX: usize = 4;
 
-/// Distance ahead of a target from which a patch hides it, metres.
+/// Least distance of a hiding patch ahead of the target along the way out, metres.
 const AHEAD_MIN: f32 = 0.008;
 
-/// Distance beside the way out up to which a patch hides the target, in spacings.
+/// Largest distance of a hiding patch from the way out, in spacings.
 const BESIDE_SPACINGS: f32 = 0.75;
 
-/// Radius about the middle through which blind approaches go, in radii of the object.
+/// Radius about the centre through which blind approaches pass, in radii of the object.
 const BLIND_RADII: f64 = 0.5;
 
 /// Largest distance of a patch from the object's origin, metres.
@@ -72,7 +72,7 @@ fn drawn(samples: &[PoseSample], mut place: f64) -> &PoseSample {
     &samples[samples.len() - 1]
 }
 
-/// Against a mapped touch of an object, from outside of it.
+/// An approach against a patch of an object, from outside it.
 fn directed(map: &SurfaceMap, sample: &PoseSample, stream: &mut Stream) -> Approach {
     let mut approach = None;
     for _ in 0..DRAWS_MAX {
@@ -97,7 +97,7 @@ fn is_hidden(map: &SurfaceMap, target: DVec3, outward: DVec3) -> bool {
     })
 }
 
-/// Past the middle of an object, from anywhere.
+/// A blind approach: past the centre of an object from a random direction.
 fn blind(map: &SurfaceMap, sample: &PoseSample, stream: &mut Stream) -> Approach {
     let radius = f64::from(radius_of(map));
     let target = BLIND_RADII * radius * stream.uniform(0.0, 1.0).cbrt() * stream.direction();
@@ -105,7 +105,7 @@ fn blind(map: &SurfaceMap, sample: &PoseSample, stream: &mut Stream) -> Approach
     toward(map, sample, target, outward, stream)
 }
 
-/// From outside of an object to a point of it, and as far beyond as it may reach.
+/// An approach from outside an object to a point of it, and beyond as far as its reach allows.
 fn toward(
     map: &SurfaceMap,
     sample: &PoseSample,

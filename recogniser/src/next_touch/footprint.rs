@@ -1,31 +1,32 @@
-//! The footprint: what an approach meets under a sample, by the sweep of the sensor over the map.
+//! The footprint: the expected contact of an approach under a sample, from a sweep of the sensor
+//! over the map.
 //!
-//! The flat sensor stops at the foremost patch within its footprint and settles on what lies about
-//! as far forward near its middle. The probability of a valid contact is a logistic function of
-//! how the surface faces the sensor, how far off the middle it is and how much of it there is
-//! (equation R25). Frames: the object's.
+//! The flat sensor stops at the foremost patch within its footprint and settles on patches about
+//! equally far forward near its centre. The probability of a valid contact is a logistic
+//! function of the surface's inclination, its offset from the sensor's centre and the filled
+//! share of the footprint (equation R25). Frames: the object's.
 
 use glam::Vec3;
 
 use crate::model::agreement::{N_AXES, StoredFeature};
 use crate::model::{SurfaceMap, SurfacePatch};
 
-/// Patches of a map that are swept over: the first ones, which cover the surface evenly.
+/// Maximum number of patches in a sweep: the first ones of a map, which cover the surface evenly.
 const PATCHES_MAX: usize = 500;
 
-/// Distance behind the foremost patch at which a patch counts 1/e, metres.
+/// Distance behind the foremost patch at which a patch's weight is 1/e, metres.
 const DEPTH: f32 = 0.002;
 
-/// Depths behind the foremost patch beyond which a patch counts nothing.
+/// Distance behind the foremost patch beyond which a patch is ignored, in [`DEPTH`]s.
 const DEPTHS_MAX: f32 = 4.0;
 
-/// Least cosine of a surface that is met: others face away.
+/// Least cosine between sensor and surface in a contact; other surfaces face away.
 const FACING_MIN: f32 = 0.05;
 
-/// Part of the spacing of patches by which the footprint reaches further: they lie that far apart.
+/// Margin of the footprint, in spacings, for the gaps between patches.
 const REACH_SPACINGS: f32 = 0.25;
 
-/// Width of the weight about the middle: in half widths of the sensor, and at least in spacings.
+/// Width of the weight about the centre: in half widths of the sensor, and its minimum in spacings.
 const MIDDLE: (f32, f32) = (0.7, 0.5);
 
 /// Cap on the filled share of the footprint.
@@ -34,7 +35,7 @@ const FILLED_MAX: f32 = 1.5;
 /// Coefficients of equation R25 for a robot that re-centres: constant, cosine, offset, filled.
 const CENTERED: [f32; 4] = [-0.2, 4.0, -0.5, 0.5];
 
-/// The same for a robot that does not.
+/// The same for a robot that does not re-centre.
 const OFF_CENTER: [f32; 4] = [-1.1, 5.0, -3.0, 1.0];
 
 /// The sensor of a robot, and whether it re-centres.
@@ -49,24 +50,24 @@ pub(super) struct Hand {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Ray {
     pub(super) start: Vec3,
-    /// Norm 1.
+    /// Direction, norm 1.
     pub(super) direction: Vec3,
-    /// How far it goes, metres.
+    /// Length, metres.
     pub(super) reach: f32,
 }
 
-/// The contact that a ray is expected to make.
+/// The expected contact of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ExpectedContact {
     /// The probability of a valid contact.
     pub(super) contact: f32,
-    /// Where, metres.
+    /// Position, metres.
     pub(super) position: Vec3,
-    /// Which way the surface faces there, norm 1.
+    /// Surface normal there, norm 1.
     pub(super) normal: Vec3,
     /// Scatter of normals there, rad.
     pub(super) normal_deviation: f32,
-    /// Its appearance.
+    /// Appearance there.
     pub(super) feature: StoredFeature,
 }
 
@@ -75,17 +76,18 @@ pub(super) struct ExpectedContact {
 pub(super) struct Lie {
     /// Cosine between the sensor and the surface, 0 to 1.
     pub(super) facing: f32,
-    /// How far off the middle, in half widths.
+    /// Offset from the sensor's centre, in half widths.
     pub(super) off: f32,
-    /// How much of the footprint is surface about as far forward as its foremost, 0 to about 1.
+    /// Share of the footprint with surface about as far forward as the foremost patch, 0 to
+    /// about 1.
     pub(super) filled: f32,
 }
 
-/// The contact of a ray on a map; `None` when it meets nothing.
+/// The contact of a ray on a map; `None` for a miss.
 pub(super) fn meet(map: &SurfaceMap, ray: &Ray, hand: &Hand) -> Option<(ExpectedContact, Lie)> {
     let patches = map.patches();
     let patches = &patches[..patches.len().min(PATCHES_MAX)];
-    // A map that is cut short is as much sparser.
+    // The first patches of a map are sparser in proportion.
     let thinning = (map.patches().len().max(1) as f32 / patches.len().max(1) as f32).sqrt();
     let spacing = map.spacing() * thinning;
     let radius = hand.half_width + REACH_SPACINGS * spacing;

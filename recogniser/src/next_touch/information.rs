@@ -1,10 +1,10 @@
-//! Information: bits that the outcome of a press gives, by a pairwise bound over the samples.
+//! Information: expected bits from the outcome of a press, by a pairwise bound over the samples.
 //!
 //! The likeness of the outcomes of two samples is the Bhattacharyya coefficient of their
-//! distributions: a miss, or a contact with Gaussian place, normal and appearance (equation R26).
-//! If sample i were true, each other sample would keep its probability in the measure of its
-//! likeness to i. The information is the expected ln ratio of belief after to belief before, from
-//! the bound on the entropy of a mixture by Kolchinsky and Tracey (2017).
+//! distributions: a miss, or a contact with Gaussian place, normal and appearance (equation
+//! R26). If sample i is true, the probability of each other sample is scaled by its likeness to
+//! i. The information is the expected ln ratio of belief after to belief before, from the bound
+//! on the entropy of a mixture by Kolchinsky and Tracey (2017).
 
 use super::footprint::ExpectedContact;
 use crate::model::agreement::STEPS;
@@ -13,11 +13,11 @@ use palpate_core::object::ObjectIdx;
 /// Scatter of the outcomes of one sample: deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Scatter {
-    /// Of the contact's place, metres.
+    /// Deviation of the contact's position, metres.
     pub(super) position: f32,
-    /// Of its normal, rad.
+    /// Deviation of its normal, rad.
     pub(super) normal: f32,
-    /// Variance of its appearance, in units of two touches of one place.
+    /// Variance of its appearance, relative to that between two touches of one place.
     pub(super) appearance: f32,
 }
 
@@ -26,33 +26,33 @@ pub(super) struct Scatter {
 pub(super) struct Outcome {
     pub(super) object: ObjectIdx,
     pub(super) probability: f32,
-    /// The contact, turned into the session; `None` is a miss.
+    /// The contact, rotated into the session frame; `None` for a miss.
     pub(super) met: Option<ExpectedContact>,
 }
 
 /// Likeness of an unknown object's contact to any other.
 const UNKNOWN_ALIKE: f32 = 0.05;
 
-/// Least likeness of two outcomes: no reading is beyond doubt.
+/// Least likeness of two outcomes, since no reading is certain.
 const ALIKE_MIN: f32 = 0.01;
 
 /// Squared deviations between places at which exp(−x/8) is below [`ALIKE_MIN`].
 const FAR: f32 = 37.0;
 
-/// Squared distance of appearances at which heavy tails have halved its growth.
+/// Squared distance of appearances at which heavy tails halve its effect.
 const TAIL: f32 = 24.0;
 
 /// Bits of information.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Bits {
-    /// On which object it is, "none of these" included.
+    /// Information on the identity, "none of these" included.
     pub(super) identity: f64,
-    /// On its pose, given which object it is.
+    /// Information on the pose, given the identity.
     pub(super) pose: f64,
 }
 
-/// The bits that the outcomes of a press give. Probabilities of the outcomes and `unknown` (of
-/// "none of these") sum to 1; equal objects stand together.
+/// The expected information of a press with these outcomes. Probabilities of the outcomes and
+/// `unknown` (of "none of these") sum to 1; equal objects stand together.
 pub(super) fn information(outcomes: &[Outcome], unknown: f32, scatter: &Scatter) -> Bits {
     let n = outcomes.len();
     let contact: f32 = outcomes.iter().map(|o| o.probability * o.contact()).sum();
@@ -105,7 +105,7 @@ fn alike(a: &Outcome, b: &Outcome, scatter: &Scatter) -> f32 {
     let miss = ((1.0 - a.contact()) * (1.0 - b.contact())).sqrt();
     let (Some(met), Some(other)) = (&a.met, &b.met) else { return miss.max(ALIKE_MIN) };
     let place = met.position.distance_squared(other.position) / scatter.position.powi(2);
-    // Places so far apart that a contact is at most as alike as any two outcomes are.
+    // Beyond this distance the likeness is at its minimum.
     if place > FAR {
         return miss.max(ALIKE_MIN);
     }
@@ -116,7 +116,7 @@ fn alike(a: &Outcome, b: &Outcome, scatter: &Scatter) -> f32 {
         let difference = (f32::from(*value) - f32::from(*other)) / STEPS;
         apart += difference * difference;
     }
-    // Heavy tails: a touch may look like any other, whatever the place.
+    // Heavy tails: a touch may have any appearance at any place.
     let apart = apart / (1.0 + apart / TAIL) / scatter.appearance;
     let contact = (-0.125 * (place + normal + apart)).exp();
     (miss + (met.contact * other.contact).sqrt() * contact).max(ALIKE_MIN)

@@ -1,4 +1,4 @@
-//! Tests: what an approach meets, what outcomes say, and how approaches are ranked.
+//! Tests of expected contacts, of the information of outcomes, and of the ranking.
 
 use std::sync::Arc;
 
@@ -126,8 +126,7 @@ fn outcome(object: u32, probability: f32, height: Option<f32>) -> Outcome {
 fn telling_four_equal_objects_apart_is_worth_two_bits() {
     let apart: Vec<Outcome> = (0..4).map(|n| outcome(n, 0.25, Some(0.05 * n as f32))).collect();
     let bits = information(&apart, 0.0, &SCATTER);
-    // Of outcomes that have nothing in common 1 % is alike all the same:
-    // log2(4 / (1 + 3 · 0.01)) = 1.957.
+    // Distinct outcomes keep a likeness of 1 %: log2(4 / (1 + 3 · 0.01)) = 1.957.
     assert!((bits.identity - 1.957).abs() < 1e-3, "{bits:?}");
     assert!(bits.pose.abs() < 1e-6, "one pose each: {bits:?}");
     let alike: Vec<Outcome> = (0..4).map(|n| outcome(n, 0.25, Some(0.05))).collect();
@@ -143,16 +142,16 @@ fn poses_of_one_object_give_bits_on_the_pose_only() {
     let missed = [outcome(0, 0.5, Some(0.0)), outcome(1, 0.5, None)];
     let bits = information(&missed, 0.0, &SCATTER);
     assert!((bits.identity - 0.986).abs() < 1e-3, "{bits:?}");
-    // 2.5 mm apart is one deviation: alike exp(−1/8) = 0.8825; log2(2 / 1.8825) = 0.0874.
+    // 2.5 mm is one deviation: the likeness is exp(−1/8) = 0.8825; log2(2 / 1.8825) = 0.0874.
     let near = [outcome(0, 0.5, Some(0.0)), outcome(1, 0.5, Some(0.002_5))];
     assert!((information(&near, 0.0, &SCATTER).identity - 0.0874).abs() < 1e-3);
 }
 
-/// A flat plate and a thick one that share a face: only from beside do they differ.
+/// A flat plate and a thick one share a face and differ only from the side.
 #[test]
 fn the_press_that_tells_objects_apart_comes_first() {
     let mut belief = belief(&[[24, 24, 4], [24, 24, 16]]);
-    // The corners of the large face, which lay no other face of the thick plate under them.
+    // The corners of the large face, which fit no other face of the thick plate.
     for (x, y) in [(0.022, 0.022), (-0.022, 0.022), (0.022, -0.022), (-0.022, -0.022)] {
         let (reading, sensor) = touch(DVec3::new(x, y, 0.0), DVec3::NEG_Z);
         belief.add(&reading, &sensor);
@@ -170,7 +169,7 @@ fn the_press_that_tells_objects_apart_comes_first() {
     assert!(best.identity_bits > 1.1 * shared.identity_bits, "{ranking:?}");
     assert!(best.contact_probability > 0.7 && past.contact_probability.abs() < 1e-9);
     assert!(ranking.is_complete() && ranking.entropy_bits > 0.3);
-    // What costs ten times as much comes last but for air.
+    // With a high cost the best approach loses the first rank.
     let mut costly = approaches;
     costly.iter_mut().for_each(|approach| approach.cost = Some(1.0));
     costly[1].cost = Some(1e3);
@@ -217,7 +216,7 @@ fn own_approaches_begin_outside_and_mostly_touch() {
     assert!(probable > options.n_approaches / 2, "{probable}");
     for ranked in &ranking.ranked {
         let start = ranked.approach.session_from_sensor.translation;
-        // The plate's corners are 34 mm from its middle.
+        // The plate's corners are 34 mm from its centre.
         assert!(start.distance(truth.translation) > 0.034, "{start}");
     }
 }

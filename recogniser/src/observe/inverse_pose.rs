@@ -1,4 +1,4 @@
-//! Poses ready for look-ups, and touches seen from an object in one.
+//! Inverse poses for look-ups, and touches transformed into the object frame.
 
 use glam::{Mat3, Quat, Vec3};
 
@@ -11,7 +11,7 @@ use crate::model::near::Near;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct InversePose {
     pub(crate) object_from_session: Mat3,
-    /// Of the object's origin in the session, relative to the anchor.
+    /// Object's origin in the session frame, relative to the anchor, metres.
     pub(crate) translation: Vec3,
 }
 
@@ -20,7 +20,7 @@ impl InversePose {
         Self { object_from_session: Mat3::from_quat(rotation.conjugate()), translation }
     }
 
-    /// The angle of the turn between two poses, rad.
+    /// Angle of the rotation between two poses, rad.
     pub(crate) fn angle_to(&self, other: &Self) -> f32 {
         let turn = self.object_from_session.transpose() * other.object_from_session;
         let trace = turn.x_axis.x + turn.y_axis.y + turn.z_axis.z;
@@ -52,7 +52,7 @@ pub(crate) struct TouchInObject {
     pub(crate) direction: Vec3,
 }
 
-/// A touch on a map: where it is, and which patches are near.
+/// A touch on a map: its place, and the patches near it.
 #[derive(Clone, Copy)]
 pub(crate) struct TouchOnMap {
     pub(crate) touch: TouchInObject,

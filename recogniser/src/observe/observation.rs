@@ -1,4 +1,4 @@
-//! An observation: a touch in single precision about the session's anchor, with its weight.
+//! An observation: a touch in single precision relative to the session's anchor, with its weight.
 
 use std::ops::Range;
 
@@ -27,26 +27,26 @@ pub(crate) struct Observation {
     pub(crate) normal: Vec3,
     pub(crate) direction: Vec3,
     pub(crate) elongation: f32,
-    /// Weight of its evidence: 1 for a new place, less for one touched before, and less after
+    /// Weight of its evidence: 1 for a new place, lower for one touched before, and lower after
     /// motion of the object.
     pub(crate) weight: f32,
     /// The weight before the object moved.
     novelty: f32,
-    /// How loosely it is placed.
+    /// Uncertainty of its place.
     pub(crate) placement: Placement,
-    /// [`Placement::off_object_density`] of it.
+    /// [`Placement::off_object_density`] of its placement.
     pub(crate) off_object: f32,
-    /// How far its normal and its stretch can be trusted.
+    /// Reliability of its normal and its stretch.
     pub(crate) steadiness: Steadiness,
     feature: Feature,
-    /// For finding pairs.
+    /// Comparison for finding pairs.
     sharp: Comparison,
-    /// For judging poses.
+    /// Comparison for scoring poses.
     soft: Comparison,
 }
 
-/// How a feature is compared with others: the softness, and the density of features of touches
-/// anywhere at it.
+/// Parameters for comparing a feature with others: the softness, and the density of features of
+/// touches anywhere at this feature.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Comparison {
     pub(crate) softness: f32,
@@ -54,7 +54,7 @@ pub(crate) struct Comparison {
 }
 
 impl Observation {
-    /// A touch as seen from `anchor`.
+    /// The observation of a touch, relative to `anchor`.
     pub(crate) fn new(
         touch: &Touch,
         anchor: DVec3,
@@ -69,7 +69,7 @@ impl Observation {
         Self::compared(touch, anchor, sharp, soft)
     }
 
-    /// A touch whose feature is compared in the given ways.
+    /// The observation of a touch whose feature is compared with these parameters.
     pub(crate) fn compared(
         touch: &Touch,
         anchor: DVec3,
@@ -110,23 +110,23 @@ impl Observation {
         self.off_object = placement.off_object_density();
     }
 
-    /// Variances that base and motion add: of the position (m²) and of the normal (rad²).
+    /// Variances from base and motion: of the position (m²) and of the normal (rad²).
     #[inline]
     pub(crate) fn looseness(&self) -> Variances {
         self.placement.variances()
     }
 
-    /// Variances between this observation and another one.
+    /// Variances of this observation relative to another one.
     pub(crate) fn looseness_to(&self, other: &Self) -> Variances {
         self.placement.variances_to(&other.placement)
     }
 
-    /// Weight in the evidence of "none of these": unannounced motion takes nothing of it.
+    /// Weight in the evidence of "none of these", which unannounced motion does not reduce.
     pub(crate) fn counts(&self, is_announced: bool) -> f32 {
         if is_announced { self.weight } else { self.novelty }
     }
 
-    /// Score (ln) that it loses under every object, since it is unsteady or loosely placed.
+    /// Loss of score (ln) under every object because the touch is unsteady or loosely placed.
     /// `loose_loss` is [`ScoreScale::loose_loss`](crate::options::ScoreScale::loose_loss).
     pub(crate) fn loss(&self, is_announced: bool, loose_loss: f32) -> f32 {
         self.steadiness.loss() + self.placement.loss(is_announced, loose_loss)
@@ -161,7 +161,8 @@ impl Observation {
         of.ratios(&self.feature, range, [self.sharp.softness, self.sharp.density], found);
     }
 
-    /// Appearance likelihood ratio for judging a pose: softer. Equation R7 of docs/recogniser.md.
+    /// Appearance likelihood ratio for scoring a pose, with a larger softness. Equation R7 of
+    /// docs/recogniser.md.
     #[inline]
     pub(crate) fn appearance_ratio_of_pose(&self, other: &StoredFeature) -> f32 {
         ratio(&self.feature, other, self.soft.softness, self.soft.density)

@@ -1,13 +1,13 @@
-//! Placement: how loosely a touch is placed, by its robot's base and by motion of the object.
+//! Placement: uncertainty of a touch's place from its robot's base and from motion of the object.
 //!
-//! A base shifts all touches of its robot alike. An object that moves between touches carries
-//! earlier ones away from where they were felt: after n moves each is off by √n of them. So an
-//! earlier touch is compared with a map less and less closely, and one out of the kernel's reach
+//! A base shifts all touches of its robot alike. An object that moves between touches displaces
+//! earlier ones: after n moves the deviation is √n times that of one move. An earlier touch is
+//! therefore compared with a map with a growing variance, and one out of the kernel's reach
 //! still lies about the object, not anywhere (equation R14).
 
 use palpate_core::reading::{Base, Looseness};
 
-/// Deviation of the object's motion at which a touch keeps half of its weight, metres.
+/// Deviation of the object's motion that halves the weight of a touch, metres.
 pub(crate) const HALF: f32 = 0.01;
 
 /// Reach of the kernel of a touch, metres.
@@ -19,7 +19,7 @@ const ABOUT: f32 = 64.0;
 /// Deviation of the position (m) at which a touch loses ln 2 of [`loose_loss`](Placement::loss).
 const LOOSE: f32 = 0.000_5;
 
-/// Least deviation of the angle of a touch that the object moved away from, rad.
+/// Least deviation of the angle of a touch after motion of the object, rad.
 const ANGLE_MIN: f64 = 1e-4;
 
 /// Coefficients of ln of the two-sided tail of a normal distribution: −0.717 x − 0.416 x².
@@ -28,10 +28,10 @@ const TAIL: [f32; 2] = [0.717, 0.416];
 /// Variances of a position (m²) and of an angle (rad²).
 pub(crate) type Variances = (f32, f32);
 
-/// How loosely a touch is placed.
+/// Uncertainty of a touch's place.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Placement {
-    /// Base of the robot, when it is not exact.
+    /// Base of the robot, unless it is exact.
     base: Option<Base>,
     /// Variances of the object's motion since the touch.
     moved: Variances,
@@ -49,7 +49,7 @@ impl Placement {
         Self { moved: (moves as f32 * position, moves as f32 * angle), ..self }
     }
 
-    /// Whether the touch is where it is said to be.
+    /// Whether the stated place of the touch is exact.
     #[inline]
     pub(crate) fn is_exact(&self) -> bool {
         self.base.is_none() && self.moved == (0.0, 0.0)
@@ -59,13 +59,13 @@ impl Placement {
         self.base.map_or((0.0, 0.0), |base| variances(&base.looseness))
     }
 
-    /// Variances that base and motion add to positions and normals.
+    /// Variances of positions and normals from base and motion.
     #[inline]
     pub(crate) fn variances(&self) -> Variances {
         sum(self.of_base_alone(), self.moved)
     }
 
-    /// Variances relative to another touch: none when one base shifts both and the object rested.
+    /// Variances relative to another touch: zero if one base shifts both and the object rested.
     pub(crate) fn variances_to(&self, other: &Self) -> Variances {
         let (moved, before) = (self.moved, other.moved);
         let moved = ((moved.0 - before.0).abs(), (moved.1 - before.1).abs());
@@ -75,7 +75,7 @@ impl Placement {
         sum(moved, sum(self.of_base_alone(), other.of_base_alone()))
     }
 
-    /// What shifts the touch, the `index`th of the session.
+    /// Cause of the shift of the touch, the `index`th of the session.
     pub(crate) fn shifted_by(&self, index: usize) -> Shift {
         if self.moved == (0.0, 0.0) {
             return self.base.map_or(Shift::None, |base| Shift::Base(base.robot, base.looseness));
@@ -85,7 +85,7 @@ impl Placement {
         Shift::Motion(index, Looseness { position: f64::from(position).sqrt(), angle })
     }
 
-    /// Share of its weight that the touch keeps after the object's motion. Part of equation R14.
+    /// Factor on the touch's weight after the object's motion. Part of equation R14.
     pub(crate) fn recency(&self) -> f32 {
         kept(self.moved.0, HALF)
     }
@@ -101,7 +101,7 @@ impl Placement {
         ABOUT * (-TAIL[0] * reach - TAIL[1] * reach * reach).exp()
     }
 
-    /// Score (ln) that the touch loses against an exact one even at its own place: by its base,
+    /// Loss of score (ln) against an exactly placed touch, even at its own place: by its base,
     /// and by the object's motion if it was announced. `per_fold` is the loss for each e-fold of
     /// the variance. Part of equation R13.
     pub(crate) fn loss(&self, is_announced: bool, per_fold: f32) -> f32 {
@@ -110,14 +110,15 @@ impl Placement {
     }
 }
 
-/// What shifts a touch away from where it is said to be.
+/// Cause of a shift between the stated and the true place of a touch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Shift {
-    /// Nothing.
+    /// No shift.
     None,
-    /// The base of a robot (its number), together with all touches of that robot.
+    /// The base of a robot (its number), which shifts all touches of that robot.
     Base(u32, Looseness),
-    /// The object's motion since the touch with this index, and its base: no other touch.
+    /// The object's motion since the touch with this index, and its base; it shifts only this
+    /// touch.
     Motion(usize, Looseness),
 }
 
@@ -132,7 +133,7 @@ impl Shift {
     }
 }
 
-/// Share that is kept at a variance (m²) of the place, a half at a deviation of `half` (m).
+/// Share of the weight kept at this variance (m²) of the position; ½ at a deviation of `half` (m).
 pub(crate) fn kept(variance: f32, half: f32) -> f32 {
     1.0 / (1.0 + variance / (half * half))
 }
@@ -163,7 +164,7 @@ mod tests {
     fn moves_and_bases_add_up() {
         let moved = Placement::of_base(base(1)).after(4, &MOTION);
         assert!(close(moved.variances(), (4.0 * 9e-6 + 16e-6, 0.04)));
-        // One base shifts both, and three moves carried both.
+        // One base shifts both, and three moves displaced both.
         let later = Placement::of_base(base(1)).after(3, &MOTION);
         assert!(close(moved.variances_to(&later), (9e-6, 0.01)));
         let other = Placement::of_base(base(2)).after(3, &MOTION);

@@ -1,9 +1,9 @@
-//! The space of a press: points that it says are free, and points that it says are occupied.
+//! The space of a press: the points that it shows to be free, and those that it shows to be
+//! occupied.
 //!
-//! Negative evidence. Where taxels stayed free, in the sensor's body, and along the way of a press
-//! that met nothing, there is no material; behind taxels that were pressed there is. What a map
-//! knows of material is `model::solid`; `verify::free_space` compares both. Points are relative to
-//! the session's anchor, metres.
+//! Negative evidence. At free taxels, in the sensor's body, and along the way of a miss there is
+//! no material; behind pressed taxels there is. `model::solid` holds a map's material;
+//! `verify::free_space` compares both. Points are relative to the session's anchor, metres.
 
 use glam::{DVec3, Vec3};
 use palpate_core::reading::{Looseness, Reading};
@@ -26,16 +26,16 @@ const BEYOND: f64 = 0.001;
 /// Thickness of the sensor's body behind its covering, metres.
 const BODY: f64 = 0.004;
 
-/// Steps along the way of a press that met nothing, metres.
+/// Steps along the way of a miss, metres.
 const STEP: f64 = 0.005;
 
-/// Longest part of that way that is looked at, metres.
+/// Longest part of that way that is used, metres.
 const WAY_MAX: f64 = 0.3;
 
-/// Deviation of the object's motion at which a press keeps half of its weight, metres.
+/// Deviation of the object's motion that halves the weight of a press, metres.
 const HALF: f32 = 0.003;
 
-/// Points that a press says are free or occupied.
+/// Points that a press shows to be free or occupied.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct PressSpace {
     pub(crate) free: Vec<Vec3>,
@@ -47,7 +47,7 @@ pub(crate) struct PressSpace {
 }
 
 impl PressSpace {
-    /// Bytes behind its lists.
+    /// Heap bytes of its lists.
     pub(crate) fn bytes(&self) -> usize {
         (self.free.capacity() + self.occupied.capacity()) * size_of::<Vec3>()
     }
@@ -61,15 +61,15 @@ impl PressSpace {
         Self { touches, ..self }
     }
 
-    /// Discounts it for motion between any two of the `touches` that there are now. Equation R14
-    /// of docs/recogniser.md.
+    /// Discounts it for motion between any two of the session's `touches`. Equation R14 of
+    /// docs/recogniser.md.
     pub(crate) fn discount(&mut self, touches: usize, motion: &Looseness) {
         let moves = (touches - self.touches) as f32;
         let moved = moves * motion.position.powi(2) as f32;
         self.weight = kept(moved, HALF);
     }
 
-    /// The space of a press that touched.
+    /// The space of a touch.
     pub(crate) fn of_touch(reading: &Reading, sensor: &SensorDescription, anchor: DVec3) -> Self {
         let session_from_sensor = reading.session_from_sensor();
         let place =
@@ -90,7 +90,7 @@ impl PressSpace {
         space
     }
 
-    /// The space of a press that met nothing on its way along the sensor's +z.
+    /// The space of a miss along the sensor's +z.
     pub(crate) fn of_miss(reading: &Reading, sensor: &SensorDescription, anchor: DVec3) -> Self {
         let session_from_sensor = reading.session_from_sensor();
         let way = reading.approach().min(WAY_MAX);
@@ -124,7 +124,7 @@ fn samples(
         let mut range = [f64::INFINITY, f64::NEG_INFINITY];
         for taxel in 0..grid.n_taxels() {
             let (tx, ty) = grid.center(taxel / grid.cols, taxel % grid.cols);
-            // A cell's own taxels; with fewer than four a side, the one that it lies in.
+            // The taxels of a cell; with fewer than four per side, the one that contains it.
             let (reach_x, reach_y) = (reach_x.max(half_pitch), reach_y.max(half_pitch));
             if (tx - x).abs() <= reach_x && (ty - y).abs() <= reach_y {
                 let pressure = image.pressures[taxel];
@@ -142,7 +142,7 @@ fn half_sides(sensor: &SensorDescription) -> (f64, f64) {
     (half(grid.cols), half(grid.rows))
 }
 
-/// A press that met nothing, before the session has an anchor.
+/// A miss before the session has an anchor.
 #[derive(Clone, Debug)]
 pub(crate) struct Miss {
     pub(crate) reading: Reading,

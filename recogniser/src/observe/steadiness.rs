@@ -1,35 +1,35 @@
-//! Steadiness: how far the normal and the stretch of a touch can be trusted (equation R3).
+//! Steadiness: reliability of the normal and the stretch of a touch (equation R3).
 //!
-//! A sensor that bears evenly on a surface stands as the surface lies. One that meets a corner, a
-//! tip or a ledge, or touches with its rim alone, may come to rest almost any way round. The
-//! evenness of the pressure tells which: of 15,901 contacts along rays at ten objects (the
-//! dissertation's sensor, facing a patch of the map within 70°) normals were off by 0.06 rad in
-//! the median where the mean pressure was above half of the peak, by 0.31 rad down to a third,
-//! and by 0.63 rad below.
+//! A sensor that presses evenly on a surface is aligned with it. One that meets a corner, a tip
+//! or a ledge, or touches with its rim alone, may come to rest in almost any orientation. The
+//! evenness of the pressure distinguishes these cases: of 15,901 contacts along rays at ten
+//! objects (the dissertation's sensor, facing a patch of the map within 70°) the median error of
+//! normals was 0.06 rad where the mean pressure was above half of the peak, 0.31 rad down to a
+//! third, and 0.63 rad below.
 
 use super::stretch::OUTLIERS;
 
-/// Evenness from which a sensor stands as the surface lies.
+/// Evenness from which a sensor is aligned with the surface.
 const EVEN: f32 = 0.53;
 
 /// Deviation of the normal (rad) per missing evenness.
 const NORMAL_PER_UNEVENNESS: f32 = 1.83;
 
-/// Share of stretches that say nothing per missing evenness.
+/// Share of uninformative stretches per missing evenness.
 const OUTLIERS_PER_UNEVENNESS: f32 = 2.25;
 
-/// Cap on the share of stretches that say nothing.
+/// Cap on the share of uninformative stretches.
 const OUTLIERS_MAX: f32 = 0.9;
 
 /// Variance of a steady touch's normal about either axis, map and touch together, rad².
 const STEADY_VARIANCE: f32 = 0.03;
 
-/// How steadily the sensor stood.
+/// Reliability of the sensor's orientation in a touch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Steadiness {
-    /// Variance of the normal about either axis beyond that of the place, rad².
+    /// Variance of the normal about either axis, in addition to that of the place, rad².
     pub(crate) normal_variance: f32,
-    /// Share of stretches that say nothing.
+    /// Share of uninformative stretches.
     pub(crate) stretch_outliers: f32,
 }
 
@@ -44,8 +44,8 @@ impl Steadiness {
         }
     }
 
-    /// Score (ln) that the touch loses against a steady one even at its own place, whatever was
-    /// touched: its normal has a wider range. Part of equation R13.
+    /// Loss of score (ln) against a steady touch, even at its own place and on any object,
+    /// because its normal has a wider range. Part of equation R13.
     pub(crate) fn loss(&self) -> f32 {
         (1.0 + self.normal_variance / STEADY_VARIANCE).ln()
     }

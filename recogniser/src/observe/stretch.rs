@@ -1,16 +1,16 @@
-//! The stretch of contacts: they lie along ridges and shafts, without sign (equation R6).
+//! The stretch of contacts, which lie along ridges and shafts; it has no sign (equation R6).
 
 use palpate_core::exponential::exp;
 
-/// Cap on the concentration: stretches of two touches of one place are turned against each other
-/// by chance however long they are.
+/// Cap on the concentration: the stretches of two touches of one place differ by random angles,
+/// however long they are.
 const CONCENTRATION_MAX: f32 = 7.0;
 
-/// Share of touches whose stretch says nothing, however steadily the sensor stands.
+/// Share of touches with an uninformative stretch, even if the sensor is steady.
 pub(crate) const OUTLIERS: f32 = 0.05;
 
-/// Ratio of the density of the angle between two stretches to an even one: von Mises in the double
-/// angle, with a share of `outliers`. `cosine` is that of the angle itself.
+/// Ratio of the density of the angle between two stretches to a uniform one: von Mises in the
+/// double angle, with a share of `outliers`. `cosine` is that of the angle itself.
 ///
 /// Equation R6 of docs/recogniser.md.
 #[inline]
@@ -40,7 +40,7 @@ mod tests {
         assert!((stretch_ratio(0.0, 0.7, 0.05) - 1.0).abs() < 1e-6);
         let along = stretch_ratio(2.0, 1.0, 0.05);
         assert!((stretch_ratio(2.0, -1.0, 0.05) - along).abs() < 1e-6, "without sign");
-        // From along to across 2κ = 4, of what is no outlier.
+        // From along to across 2κ = 4, without the outliers.
         let ratio = ((along - 0.05) / (stretch_ratio(2.0, 0.0, 0.05) - 0.05)).ln();
         assert!((ratio - 4.0).abs() < 1e-3, "{ratio}");
         assert!(

@@ -1,7 +1,7 @@
 //! A touch: position, normal, stretch and appearance of the surface under the sensor (equation R1).
 //!
 //! The frame is that of the reading's pose. The stretch is the second moment of the contact's
-//! pressure (section 4.3.2.4); it has no sign: ±direction are one.
+//! pressure (section 4.3.2.4); it has no sign: ±direction are equal.
 
 use glam::{DVec2, DVec3};
 
@@ -13,10 +13,10 @@ use palpate_core::reading::{Reading, TactileImage};
 use palpate_core::sensor::SensorDescription;
 use palpate_core::units::MM;
 
-/// Area that a contact can press evenly, square metres: the rest of a larger array is in free air.
+/// Area that a contact can press evenly, square metres; the rest of a larger array is in free air.
 const EVEN_AREA: f64 = 12.0 * MM * 12.0 * MM;
 
-/// One press that touched something.
+/// One press with contact.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Touch {
     /// The centre of pressure on the covering's surface, metres.
@@ -34,7 +34,7 @@ pub struct Touch {
     pub feature: Feature,
 }
 
-/// The touch of a reading, or `None` when the press touched nothing.
+/// The touch of a reading, or `None` for a miss.
 #[must_use]
 pub fn observe_touch(
     reading: &Reading,
@@ -57,7 +57,7 @@ pub fn observe_touch(
     })
 }
 
-/// Mean pressure over peak, the mean of an array larger than [`EVEN_AREA`] over that much of it.
+/// Mean pressure over peak; for an array larger than [`EVEN_AREA`] the mean is over that area.
 fn evenness(image: &TactileImage, sensor: &SensorDescription) -> f64 {
     let max = image.max();
     if max <= 0.0 {
@@ -155,7 +155,7 @@ mod tests {
         let (still, moved) = (touch_of(&rows, Pose::IDENTITY), touch_of(&rows, pose));
         let (still, moved) = (still.unwrap(), moved.unwrap());
         assert!(moved.position.distance(DVec3::new(1.0 + 4.0 * MM, 2.0, 3.0)) < 1e-12);
-        // The sensor looks along its +z; what it touches faces back: −z, turned to +y.
+        // The sensor faces its +z, so that the touched surface faces −z, here rotated to +y.
         assert!(moved.normal.distance(DVec3::Y) < 1e-12, "{}", moved.normal);
         assert!((moved.direction.z.abs() - 1.0).abs() < 1e-9, "{}", moved.direction);
         assert_eq!(moved.feature.map(f32::to_bits), still.feature.map(f32::to_bits));

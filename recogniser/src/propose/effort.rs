@@ -1,15 +1,15 @@
-//! Effort: bounds on the work that one pair of touches may cause on one object.
+//! Effort: bounds on the work for one pair of touches on one object.
 
 use crate::model::SurfaceMap;
 use crate::observe::observation::Observation;
 use crate::options::{ManyBudget, SurfaceOptions};
 
-/// Bounds on the work of one pair on one object.
+/// Bounds on the work for one pair on one object.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Effort {
     /// Stored pairs that propose.
     pub(crate) proposals: usize,
-    /// Proposals that all touches judge.
+    /// Proposals scored by all touches.
     pub(crate) judged: usize,
     /// Patches whose pairs are looked up: the first ones, which cover the surface evenly.
     pub(crate) patches: usize,
@@ -21,7 +21,7 @@ pub(crate) struct Effort {
 
 impl Effort {
     /// The effort after this many touches. In a large catalogue `share` is the share of an
-    /// object's pairs that are about the observed one (catalogue mean), else `None`.
+    /// object's pairs with about the observed geometry (catalogue mean), else `None`.
     ///
     /// Equation R20 of docs/recogniser.md.
     pub(crate) fn new(options: &SurfaceOptions, share: Option<f32>, n_touches: usize) -> Self {
@@ -32,11 +32,11 @@ impl Effort {
         };
         let ManyBudget { proposals, judged, paired, visited, fitted, .. } = budget.many;
         let appearance_min = options.appearance_min_if_many;
-        // The density of pairs about the first two touches is evidence: all are looked up.
+        // The density of pairs about the first two touches is evidence, so all are looked up.
         if n_touches <= 2 {
             return Self { proposals, judged, patches: all, fitted: all, appearance_min };
         }
-        // n patches have some n² pairs.
+        // n patches have about n² pairs.
         let patches = (visited as f32 / share.max(f32::MIN_POSITIVE)).sqrt() as usize;
         Self { proposals, judged, patches: patches.min(paired), fitted, appearance_min }
     }

@@ -1,9 +1,10 @@
-//! The density of a pair: how well a stored pair of patches explains an observed pair.
+//! The density of an observed pair under a stored pair of patches.
 //!
-//! A normal is not known equally well both ways. Along a ridge or a shaft the sensor lies as the
-//! surface does; about it, it may stand almost any way (`model::bend`). So each angle of a pair
-//! deviates by the scatter of its two normals in the direction in which they change it, and a
-//! pair that fits only because its angles say little weighs less than one that fits closely.
+//! The uncertainty of a normal is anisotropic. Along a ridge or a shaft the sensor is aligned
+//! with the surface; about it, it may take almost any orientation (`model::bend`). The deviation
+//! of each angle of a pair is therefore the scatter of its two normals in the direction that
+//! changes the angle, and a pair that fits only because its angles are uncertain weighs less
+//! than one that fits closely.
 
 use glam::{Vec2, Vec3};
 use palpate_core::exponential::exp;
@@ -14,28 +15,28 @@ use crate::observe::observation::Observation;
 use crate::observe::stretch::stretch_ratio;
 use crate::options::{PairTolerance, SurfaceOptions};
 
-/// Share of the variance of normals by which an observed pair misses the nearest stored ones: many
-/// pairs are about each, and they scatter as well.
+/// Share of the variance of normals between an observed pair and the nearest stored ones: many
+/// stored pairs are near, and they scatter as well.
 const SCATTER_SHARE: f32 = 0.625;
 
-/// Share of the pair's own deviation of a cosine that each of its two parts has: the reading's,
-/// and that of stored cosines.
+/// Share of each of two parts in the pair's own deviation of a cosine: the reading's, and that
+/// of the stored cosines.
 const OWN_SHARE: f32 = 0.5;
 
-/// Squared deviations beyond which a stored pair explains nothing.
+/// Squared deviations beyond which the density is zero.
 const MISFIT_MAX: f32 = 16.0;
 
-/// Cap on the variance of the turn about the axis, rad²: as good as open.
+/// Cap on the variance of the angle about the axis, rad²: practically undetermined.
 const OPEN_TURN: f32 = 3.0;
 
 /// Squared sine below which a normal has no direction about the axis.
 const ALONG_AXIS: f32 = 1e-3;
 
-/// Usual product of the deviations of a pair's three angles, rad³: there an exact fit weighs 1.
+/// Usual product of the deviations of a pair's three angles, rad³, at which an exact fit weighs 1.
 const USUAL_DEVIATIONS: f32 = 1e-3;
 
-/// Cap on the deviation (rad) by which unsteady sensors widen the tolerance of angles: to go
-/// through all pairs costs more than it finds.
+/// Cap on the deviation (rad) by which unsteady sensors widen the tolerance of angles: a search
+/// through all pairs would cost more than it gains.
 const UNSTEADY_MAX: f32 = 0.3;
 
 /// Deviations of loose placement that widen the tolerance of a pair.
@@ -63,7 +64,7 @@ pub(crate) fn pair_density(
     }
     let axis = (facets[1].position - facets[0].position) / stored.distance;
     let deviation = options.pair_deviation;
-    // Half of it is the reading's, half what stored cosines miss.
+    // Half of it is the reading's, half that of the stored cosines.
     let least = (OWN_SHARE * deviation.cosine).powi(2);
     let scatter = |end: usize| {
         let (facet, [along, across]) = (facets[end], facets[end].normal_variances());
@@ -78,7 +79,7 @@ pub(crate) fn pair_density(
         (towards(axis) + least, towards(about) / (sine * sine))
     };
     let ((variance_first, turn_first), (variance_second, turn_second)) = (scatter(0), scatter(1));
-    // The two normals seen along the axis, one against the other, times both sines.
+    // Cosine and sine of the angle between the normals about the axis, times both sines.
     let turned = |pair: &PairGeometry| {
         let [first, second, between] = pair.cosines;
         Vec2::new(between - first * second, pair.chirality)
@@ -139,7 +140,8 @@ pub(crate) fn widened(options: &SurfaceOptions, touches: [&Observation; 2]) -> S
     options
 }
 
-/// Variance (rad²) of the angles of a pair whose sensors may not have stood as the surface lies.
+/// Variance (rad²) of the angles of a pair whose sensors may not have been aligned with the
+/// surface.
 fn unsteady(touches: [&Observation; 2]) -> f32 {
     let variance: f32 = touches.iter().map(|touch| touch.steadiness.normal_variance).sum();
     variance.min(UNSTEADY_MAX * UNSTEADY_MAX)
@@ -175,7 +177,7 @@ mod tests {
         fit_of_pressed(map, turn, variances, 1.0)
     }
 
-    /// The same of two touches of such evenness.
+    /// The same with this evenness of both touches.
     fn fit_of_pressed(
         map: &SurfaceMap,
         turn: DQuat,
@@ -207,7 +209,7 @@ mod tests {
 
     #[test]
     fn a_normal_may_turn_about_a_ridge_and_not_along_it() {
-        // Ridges along the axis: turning about it costs little, leaning along it much.
+        // Ridges along the axis: rotation about it costs little, tilt along it much.
         let ridges = map([DVec3::X, DVec3::X]);
         let variances = [0.002_5, 0.16];
         let exact = fit_of(&ridges, DQuat::IDENTITY, variances).unwrap();
@@ -216,7 +218,7 @@ mod tests {
         assert!(about > 0.9 * exact, "{about} {exact}");
         // 0.17² / (0.625 · 0.0025 + 0.005): e^−2.2.
         assert!((0.05..0.2).contains(&(along / exact)), "{along} {exact}");
-        // Ridges across the axis: the other way round.
+        // Ridges across the axis: the reverse.
         let ridges = map([DVec3::Y, DVec3::Z]);
         let about = fit_of(&ridges, DQuat::from_rotation_x(0.17), variances).unwrap();
         let along = fit_of(&ridges, DQuat::from_rotation_y(0.17), variances).unwrap();
@@ -233,7 +235,7 @@ mod tests {
         let (exact, found) = (pressed(DQuat::IDENTITY, 0.33), pressed(leaning, 0.33));
         let ratio = found.unwrap() / exact.unwrap();
         assert!((0.6..0.95).contains(&ratio), "{ratio}");
-        // What says so little weighs less than what fits closely.
+        // An uncertain fit weighs less than a close one.
         assert!(exact < pressed(DQuat::IDENTITY, 1.0));
     }
 
@@ -241,7 +243,7 @@ mod tests {
     fn beyond_the_tolerance_there_is_no_fit() {
         let map = map([DVec3::X, DVec3::X]);
         assert!(fit_of(&map, DQuat::from_rotation_y(0.25), [0.25, 0.25]).is_none());
-        // A mirror image is turned by half a turn about the axis.
+        // A mirror image differs by half a turn about the axis.
         let turned = fit_of(&map, DQuat::from_rotation_x(3.0), [0.002_5, 0.002_5]);
         assert!(turned.is_none(), "{turned:?}");
     }

@@ -1,7 +1,7 @@
-//! Partners: the earlier touches that a new one is paired with, and the order of the pairs.
+//! Partners: the earlier touches with which a new one is paired, and the order of the pairs.
 //!
 //! Beyond the dissertation, which notes that not all pairs have to be used (section 5.6.5). A
-//! pair that is rare on the objects leaves few poses and costs little to look up.
+//! pair that is rare on the objects proposes few poses and costs little to look up.
 
 use glam::Vec3;
 
@@ -9,17 +9,17 @@ use super::effort::Effort;
 use crate::observe::observation::Observation;
 use crate::options::SurfaceOptions;
 
-/// Deviation (m) between two touches at which their pair is worth half of an exact one.
+/// Deviation (m) between two touches that halves the worth of their pair.
 const SHARP: f32 = 0.002;
 
-/// Distance (m) beyond which a longer pair fixes a pose no better.
+/// Distance (m) beyond which a longer pair determines a pose no better.
 const FAR: f32 = 0.05;
 
 /// Worth of a pair whose normals both lie along its axis, beside 1 for one at right angles.
 const ALONG: f32 = 0.1;
 
-/// The `n` earlier touches whose pair with the newest, the last, fixes a pose best: far off, and
-/// with a normal that is not along the axis.
+/// The `n` earlier touches whose pair with the newest one (the last) determines a pose best:
+/// distant, and with a normal that is not along the axis.
 pub(crate) fn partners(touches: &[Observation], n: usize) -> Vec<usize> {
     let [earlier @ .., newest] = touches else { return Vec::new() };
     let rate = |(index, touch): (usize, &Observation)| {
@@ -28,7 +28,7 @@ pub(crate) fn partners(touches: &[Observation], n: usize) -> Vec<usize> {
         let axis = offset / distance.max(1e-6);
         let across = |normal: Vec3| normal.cross(axis).length();
         let fixed = across(newest.normal).max(across(touch.normal));
-        // A pair of two bases says less.
+        // A pair from two robots with inexact bases is less informative.
         let (position, _) = newest.looseness_to(touch);
         let sharp = SHARP / (SHARP + position.sqrt());
         (distance.min(FAR) * (ALONG + fixed) * sharp, index)
@@ -38,20 +38,20 @@ pub(crate) fn partners(touches: &[Observation], n: usize) -> Vec<usize> {
     rated.into_iter().take(n).map(|(_, index)| index).collect()
 }
 
-/// An earlier touch that the newest is paired with.
+/// An earlier touch with which the newest is paired.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Partner {
-    /// Its index among the touches.
+    /// Index among the touches.
     pub(crate) index: usize,
     /// The effort of the pair.
     pub(crate) effort: Effort,
 }
 
-/// The partners in the order of their lookup. `shares` has for each the share of an object's pairs
-/// that are about the observed one (catalogue mean), if known: then the rarest pair comes first,
-/// and partners end where the budget of stored pairs
-/// ([`ManyBudget::visited_in_all`](crate::options::ManyBudget::visited_in_all)) is spent, but not
-/// before one.
+/// The partners in the order of their lookup. `shares` has for each the share of an object's
+/// pairs with about the observed geometry (catalogue mean), if known: then the rarest pair comes
+/// first, and the list ends where the budget of stored pairs
+/// ([`ManyBudget::visited_in_all`](crate::options::ManyBudget::visited_in_all)) is spent, but
+/// has at least one partner.
 pub(crate) fn in_turn(
     partners: &[usize],
     shares: Option<&[f32]>,
@@ -64,13 +64,13 @@ pub(crate) fn in_turn(
     };
     let shares = shares.iter().copied();
     let mut rarest: Vec<(f32, usize)> = shares.zip(partners.iter().copied()).collect();
-    // A stable sort: of equally rare ones the better placed comes first.
+    // A stable sort: among equally rare pairs the better partner comes first.
     rarest.sort_by(|a, b| a.0.total_cmp(&b.0));
     let many = &options.budget.many;
     let (mut asked, mut visited) = (Vec::with_capacity(rarest.len()), 0.0);
     for (share, index) in rarest {
         let effort = Effort::new(options, Some(share), n_touches);
-        // n patches have some n² pairs.
+        // n patches have about n² pairs.
         visited += (effort.patches.min(many.paired) as f32).powi(2) * share;
         if !asked.is_empty() && visited > many.visited_in_all as f32 {
             break;
@@ -116,7 +116,8 @@ mod tests {
         assert_eq!(mixed, [(3, 400), (1, 400), (5, 200), (4, 100)]);
         // A fourth pair of 1,200 is more than 3,600 in all.
         assert_eq!(asked(Some(&[0.12; 4]), 6), [(5, 100), (3, 100), (4, 100)]);
-        // The first pair of a session is looked up whatever it costs, and so are all of few objects.
+        // The first pair of a session is looked up regardless of its cost, and so are all pairs
+        // in a small catalogue.
         assert_eq!(asked(Some(&[0.5]), 2), [(5, usize::MAX)]);
         assert_eq!(asked(None, 6).len(), 4);
     }

@@ -1,8 +1,8 @@
-//! Proposals: poses of an object that a pair of touches may have come from.
+//! Proposals: poses of an object that explain a pair of touches.
 //!
-//! Every stored pair of like geometry gives one pose in closed form: axis onto axis, normals onto
-//! normals, middle onto middle. Its weight is the pair's density and appearance. When both normals
-//! lie along the axis the turn about it is open and is sampled.
+//! Every stored pair of similar geometry gives one pose in closed form: axis onto axis, normals
+//! onto normals, midpoint onto midpoint. Its weight is the pair's density and appearance. If
+//! both normals lie along the axis, the rotation about it is undetermined and is sampled.
 
 use std::cmp::Ordering;
 
@@ -15,10 +15,10 @@ use crate::model::pair_geometry::PairGeometry;
 use crate::observe::observation::Observation;
 use crate::options::SurfaceOptions;
 
-/// Turns about the axis that are tried when the normals do not fix it.
+/// Number of rotations about the axis that are tried if the normals do not determine it.
 const FREE_TURNS: usize = 8;
 
-/// Product of the two normals' sines with the axis below which they do not fix the turn.
+/// Product of the two normals' sines with the axis below which they do not determine the rotation.
 const TURN_FIXED: f32 = 0.15;
 
 /// A pose that a pair of touches proposes.
@@ -30,10 +30,10 @@ pub(crate) struct Proposal {
     pub(crate) weight: f32,
 }
 
-/// What a pair of touches says of one object.
+/// Evidence and proposals of a pair of touches for one object.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Proposed {
-    /// Its evidence, no pose needed.
+    /// Evidence of the pair, which needs no pose.
     pub(crate) pair: PairEvidence,
     /// The best proposals.
     pub(crate) proposals: Vec<Proposal>,
@@ -50,7 +50,7 @@ pub(crate) struct PairEvidence {
     pub(crate) appearance: f32,
 }
 
-/// A stored pair of like geometry.
+/// A stored pair of similar geometry.
 #[derive(Clone, Copy)]
 struct Match {
     weight: f32,
@@ -64,7 +64,7 @@ impl Match {
     }
 }
 
-/// Leaves the `n` likeliest, in any order.
+/// Keeps the `n` likeliest, in any order.
 fn keep_likeliest(matches: &mut Vec<Match>, n: usize) {
     if matches.len() > n {
         matches.select_nth_unstable_by(n, Match::likelier);
@@ -137,7 +137,7 @@ pub(crate) fn propose(
     Some(Proposed { pair, proposals })
 }
 
-/// Appends the poses that lay a stored pair of this weight onto an observed one.
+/// Appends the poses that map a stored pair of this weight onto an observed one.
 fn poses(
     observed: [(Vec3, Vec3); 2],
     stored: [(Vec3, Vec3); 2],
@@ -235,7 +235,7 @@ mod tests {
             let touches = [&places[0], &places[1]].map(|place| seen(place, &Pose::IDENTITY));
             proposed_by(&map, [&touches[0], &touches[1]], ALL, &options).unwrap().proposals.len()
         };
-        // Its other end looks the same: a pose for either order.
+        // The reversed pair has the same geometry: a pose for either order.
         assert_eq!(count(&pair([DVec3::Z, tilted])), 2);
         assert_eq!(count(&mirrored), 0);
     }
@@ -248,7 +248,7 @@ mod tests {
         let touches = [&places[0], &places[1]].map(|place| seen(place, &pose));
         let options = SurfaceOptions::default();
         let proposed = proposed_by(&map, [&touches[0], &touches[1]], ALL, &options).unwrap();
-        // Eight turns for either order of the pair, which looks the same from both ends.
+        // Eight rotations for either order of the pair, whose reverse has the same geometry.
         assert_eq!(proposed.proposals.len(), 16);
         let errors = proposed.proposals.iter().map(|p| error(p.rotation, p.translation, &pose));
         let nearest = errors.map(|(_, turned)| turned).fold(f64::INFINITY, f64::min);
@@ -273,7 +273,7 @@ mod tests {
         };
         assert!(is_exact(&asked([10, 60], 100)), "both among the first hundred");
         assert!(!is_exact(&asked([10, 160], 100)), "one is not");
-        // Shares are of the pairs that are looked up.
+        // Shares are relative to the pairs that are looked up.
         let (few, all) = (asked([10, 60], 100), asked([10, 60], 300));
         assert!((0.3..3.0).contains(&(few.pair.geometry / all.pair.geometry)), "{few:?} {all:?}");
     }

@@ -1,8 +1,8 @@
-//! Retrieval: how dense the joint pair table says each object's pairs are about observed ones.
+//! Retrieval: density of each object's pairs about observed ones, from the joint pair table.
 //!
-//! Section 5.6.4 of the dissertation leaves large sets of objects open. In a large catalogue each
-//! new touch, paired with earlier ones, is looked up once in the table of all objects' pairs
-//! (`model::joint_pairs`), by the same measure as in an object's own pairs.
+//! Section 5.6.4 of the dissertation leaves large sets of objects to future work. In a large
+//! catalogue each new touch, paired with earlier ones, is looked up once in the table of all
+//! objects' pairs (`model::joint_pairs`), by the same measure as in an object's own pairs.
 
 use rayon::prelude::*;
 
@@ -21,7 +21,7 @@ struct Query<'a> {
 }
 
 impl<'a> Query<'a> {
-    /// `None` when both are at one place.
+    /// The query of two touches; `None` if both are at one place.
     fn new(touches: [&'a Observation; 2], options: &SurfaceOptions) -> Option<Self> {
         let [a, b] = touches.map(|touch| (touch.position, touch.normal));
         Some(Self {
@@ -31,8 +31,8 @@ impl<'a> Query<'a> {
         })
     }
 
-    /// Estimates of a table for its objects that are wanted; `appearances` are the ratios of both
-    /// touches at the tabled ones.
+    /// Estimates of a table for its requested objects; `appearances` are the ratios of both
+    /// touches at the tabled patches.
     fn look_up(
         &self,
         table: &JointTable,
@@ -40,7 +40,7 @@ impl<'a> Query<'a> {
         appearances: [&[f32]; 2],
     ) -> Vec<Option<PairEvidence>> {
         let mut estimates = vec![PairEvidence::default(); table.n_objects()];
-        // Appearance first: it differs more often.
+        // Appearance is checked first, since it differs more often.
         let mut alike = Vec::new();
         let least = self.options.appearance_min_if_many;
         table.matches(self.geometry, self.options.pairs, |object, [first, second]| {
@@ -75,9 +75,9 @@ impl<'a> Query<'a> {
     }
 }
 
-/// The table's estimate of R10 for each object, for the newest touch with each partner: `None` for
-/// objects that are not wanted, and for all objects when the partner is at the newest touch's
-/// place.
+/// The table's estimate of R10 for each object, for the newest touch with each partner: `None`
+/// for objects that are not requested, and for all objects if the partner is at the newest
+/// touch's place.
 pub(crate) fn estimate(
     joint: &JointPairs,
     newest: &Observation,
@@ -128,7 +128,7 @@ pub(crate) fn gains(estimates: &[Option<PairEvidence>], floor: f32) -> Option<Ve
     Some(estimates.iter().map(|estimate| Some(gain(estimate.as_ref()?) - usual)).collect())
 }
 
-/// Mean over the `n` objects that were wanted.
+/// Mean over the `n` requested objects.
 pub(crate) fn mean_of(
     estimates: &[Option<PairEvidence>],
     n: usize,

@@ -1,8 +1,9 @@
-//! Gauss–Newton: a pose is laid continuously onto the map by its touches (equation R21).
+//! Gauss–Newton: continuous refinement of a pose on the map by its touches (equation R21).
 //!
-//! Least squares of the distance of each touch from the surface between the patches near it,
-//! softly of its place along the surface, and of its normal; touches that fit nowhere lose their
-//! weight (Geman and McClure, 1987). The covariance is the inverse of the Hessian (equation R22).
+//! Robust least squares of each touch's distance from the surface between the patches near it,
+//! of its normal and, with low weight, of its place along the surface; touches that fit nowhere
+//! lose their weight (Geman and McClure, 1987). The covariance is the inverse of the Hessian
+//! (equation R22).
 
 use glam::{Quat, Vec3};
 use nalgebra::{Matrix3, Matrix3x6, Matrix6, Vector3, Vector6};
@@ -17,16 +18,16 @@ use crate::options::SurfaceOptions;
 use crate::verify::density::Kernel;
 use crate::verify::hypothesis::Hypothesis;
 
-/// Passes at most: the next touch refines anew.
+/// Maximum number of passes; the next touch refines again.
 const PASSES_MAX: usize = 3;
 
-/// A pass that moves a pose by less is the last one: metres, rad.
+/// Change of a pose below which a pass is the last one: metres, rad.
 const CONVERGED: (f32, f32) = (5e-5, 2.5e-3);
 
 /// Deviation of the start of a pass: metres, rad.
 const START_DEVIATION: (f64, f64) = (0.01, 0.35);
 
-/// Deviation of a pose before any touch: metres, rad.
+/// Prior deviation of a pose before any touch: metres, rad.
 const PRIOR_DEVIATION: (f64, f64) = (0.02, 0.5);
 
 /// Least deviation of a pose, by the map's own sampling: metres, rad.
@@ -49,8 +50,8 @@ impl Default for System {
 
 impl System {
     /// Adds the touches of one robot, all shifted by its base. The base's own six unknowns are
-    /// eliminated (Schur complement): moving a base moves its touches as moving the object the
-    /// other way would, so with prior information Λ what is left is Λ (H + Λ)⁻¹ of H and g.
+    /// eliminated (Schur complement): moving a base equals moving the object the other way, so
+    /// that with prior information Λ both H and g are multiplied by Λ (H + Λ)⁻¹.
     fn add_loose(&mut self, system: &Self, looseness: &Looseness) {
         let prior = diagonal((looseness.position, looseness.angle), -2);
         let Some(factor) = (system.hessian + prior).cholesky() else { return };
@@ -59,7 +60,7 @@ impl System {
     }
 }
 
-/// Lays a hypothesis onto the map; its score is to be computed anew.
+/// Refines the pose of a hypothesis; its score must then be recomputed.
 pub(crate) fn refine(
     hypothesis: &mut Hypothesis,
     map: &SurfaceMap,
@@ -125,7 +126,7 @@ fn linearise(
         let system = system_of(touch.placement.shifted_by(index), &mut exact, &mut loose);
         let outward = session_from_object * place.normal;
         let off = session_from_object * place.offset;
-        // The surface at the touch moves by m + ω × arm; it is to move by `off`.
+        // The surface at the touch moves by m + ω × arm; its target is `off`.
         let moves = moves(touch.position - hypothesis.translation);
         let expected = (across.recip() + position).recip();
         let trust = trust(off.dot(outward).powi(2) * expected);
@@ -148,7 +149,8 @@ fn linearise(
     exact
 }
 
-/// The system that a touch counts in: the exact one, or that of all touches with the same shift.
+/// The system to which a touch contributes: the exact one, or that of all touches with the same
+/// shift.
 fn system_of<'a>(
     shift: Shift,
     exact: &'a mut System,
@@ -166,8 +168,8 @@ fn system_of<'a>(
     &mut loose[place].2
 }
 
-/// Adds that the surface's normal is to turn by `bent`: a turn ω moves it by ω × outward.
-/// Its trust is judged by the variance with which it may be `wrong`.
+/// Adds the residual `bent` of the surface's normal, which a rotation ω changes by ω × outward.
+/// Its robust weight follows from the variance `wrong`.
 fn turn_normal(system: &mut System, outward: Vec3, bent: Vec3, deviation: f32, wrong: f32) {
     let information = deviation.powi(-2);
     let weight = f64::from(trust(bent.length_squared() / wrong) * information);
@@ -178,7 +180,7 @@ fn turn_normal(system: &mut System, outward: Vec3, bent: Vec3, deviation: f32, w
     hessian += (Matrix3::identity() - n * n.transpose()) * weight;
 }
 
-/// ω: the weight that is left to a residual; `square` is in squared deviations.
+/// ω: the robust weight of a residual; `square` is in squared deviations.
 fn trust(square: f32) -> f32 {
     (1.0 + square / (OUTLIER * OUTLIER)).powi(-2)
 }
@@ -251,7 +253,7 @@ mod tests {
         let map = map_of(&places(4_000, 0));
         let truth = some_pose(1);
         let turned = |evenness: f64| {
-            // All lean one way, by a fifth of a radian.
+            // All normals lean the same way, by a fifth of a radian.
             let lean = glam::DQuat::from_rotation_x(0.2);
             let leaning =
                 |place: &Touch| Touch { normal: lean * place.normal, evenness, ..place.clone() };
@@ -276,7 +278,7 @@ mod tests {
         let kernel = Kernel::new(&options);
         let of =
             |touches: &[Observation]| covariance(&hypothesis, &map, touches, &kernel, &options);
-        // Nothing known: (20 mm)² + (0.2 mm)² and 0.5² + 0.01² rad².
+        // Without touches: (20 mm)² + (0.2 mm)² and 0.5² + 0.01² rad².
         let none = of(&[]);
         assert!((none[(0, 0)] - 4.0004e-4).abs() < 1e-9 && (none[(5, 5)] - 0.2501).abs() < 1e-9);
         let (few, many) = (of(&touches[..3]), of(&touches));

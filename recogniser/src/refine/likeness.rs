@@ -1,4 +1,4 @@
-//! Likeness: hypotheses that are one pose, or in one orbit of the object's symmetry.
+//! Likeness: hypotheses with the same pose, or in one orbit of the object's symmetry.
 
 use glam::DVec3;
 use palpate_core::belief::orbits::OrbitScale;
@@ -19,7 +19,7 @@ pub(crate) fn look_alike(
     symmetry.look_alike(&pose(first), &pose(second), scale.distance, scale.angle)
 }
 
-/// The scale on which poses are one: that of merging.
+/// The scale within which poses are equal: that of merging.
 pub(crate) fn orbit_scale(options: &SurfaceOptions) -> OrbitScale {
     let SurfaceOptions { merge_distance, merge_angle, .. } = *options;
     OrbitScale { distance: f64::from(merge_distance), angle: f64::from(merge_angle) }

@@ -1,9 +1,9 @@
-//! Merging: hypotheses of one object that are one pose, and bounds on their number.
+//! Merging: hypotheses of one object with nearly the same pose, and bounds on their number.
 
 use crate::options::SurfaceOptions;
 use crate::verify::hypothesis::Hypothesis;
 
-/// Merges hypotheses that are (nearly) one pose, best first, and keeps the best few.
+/// Merges hypotheses of (nearly) the same pose, best first, and keeps the best few.
 pub(crate) fn merge(hypotheses: &mut Vec<Hypothesis>, options: &SurfaceOptions) {
     hypotheses.sort_by(|a, b| b.score.total_cmp(&a.score));
     let distance = options.merge_distance.powi(2);
@@ -40,7 +40,7 @@ mod tests {
         Hypothesis { rotation, translation, score }
     }
 
-    /// The scores that are left.
+    /// The remaining scores.
     fn merged(mut hypotheses: Vec<Hypothesis>, options: &SurfaceOptions) -> Vec<f32> {
         merge(&mut hypotheses, options);
         hypotheses.iter().map(|hypothesis| hypothesis.score).collect()

@@ -1,10 +1,10 @@
-//! Settling: a hypothesis is refined and scored anew.
+//! Settling: refinement and new score of a hypothesis.
 
 use super::gauss_newton::refine;
 use crate::verify::evidence::{Evidence, Known};
 use crate::verify::hypothesis::Hypothesis;
 
-/// Refines a hypothesis and scores it anew; it stays as it was when its score falls by more than
+/// Refines a hypothesis and scores it anew; it stays unchanged if its score falls by more than
 /// [`ScoreScale::refined_loss_max`](crate::options::ScoreScale::refined_loss_max).
 pub(crate) fn settle(evidence: &Evidence<'_>, hypothesis: &mut Hypothesis, object: Known<'_>) {
     let mut tried = *hypothesis;

@@ -8,19 +8,20 @@ use crate::observe::inverse_pose::{InversePose, TouchOnMap};
 use crate::observe::observation::Observation;
 use crate::verify::density::{Kernel, Width};
 
-/// Least cosine between a patch and the touch: others say nothing of the height of the surface.
+/// Least cosine between the normals of a patch and the touch; other patches do not count for the
+/// height of the surface.
 const FACING_MIN: f32 = 0.3;
 
-/// Weight of a patch that explains nothing, so that there is a mean.
+/// Least weight of a patch, so that the mean exists.
 const WEIGHT_MIN: f32 = 1e-12;
 
-/// Weight of a far patch in the height of the surface, so that there is a mean.
+/// Least weight of a patch in the height of the surface, so that the mean exists.
 const HEIGHT_WEIGHT_MIN: f32 = 1e-6;
 
-/// Where on a map a touch is.
+/// Point of a map's surface to which a touch belongs.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SurfacePoint {
-    /// From the surface to the touch, object frame, metres.
+    /// Vector from the surface to the touch, object frame, metres.
     pub(crate) offset: Vec3,
     /// The surface's normal.
     pub(crate) normal: Vec3,
@@ -28,8 +29,8 @@ pub(crate) struct SurfacePoint {
     pub(crate) normal_deviation: f32,
 }
 
-/// The mean of the patches that may explain the touch, laid onto the surface between them. `None`
-/// away from the surface.
+/// The mean of the patches that may explain the touch, projected onto the surface between them;
+/// `None` away from the surface.
 pub(crate) fn surface_point(
     kernel: &Kernel,
     map: &SurfaceMap,
@@ -39,7 +40,7 @@ pub(crate) fn surface_point(
     let TouchOnMap { touch: at, near } = TouchOnMap::new(map, pose, touch);
     let (mut offset, mut normal, mut deviation, mut total) = (Vec3::ZERO, Vec3::ZERO, 0.0, 0.0);
     let (mut height, mut heights) = (0.0, 0.0);
-    // As wide across as along: what matters is which patches, not how high.
+    // As wide across as along, since this weight selects patches and does not measure height.
     let width = kernel.width(map, touch);
     let width = Width { across: width.along, ..width };
     for index in near.touches() {
@@ -99,7 +100,7 @@ mod tests {
         assert!(place.normal.distance(Vec3::Z) < 1e-5);
         // The touches nearest to the middle of the voxel, which may be 2.6 mm away.
         assert!(place.offset.truncate().length() < 0.002_6, "{}", place.offset);
-        // A plane touched every millimetre scatters as little as any: 0.05 rad both ways.
+        // A plane touched every millimetre has the least scatter: 0.05 rad both ways.
         assert!((place.normal_deviation - 0.05 * 2f32.sqrt()).abs() < 1e-4);
     }
 

@@ -2,7 +2,7 @@
 
 use super::reference::Session;
 
-/// What may differ, and by how much.
+/// Largest differences allowed between a fast path and the reference.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerance {
     /// Largest difference (ln) of one session, per touch.
@@ -12,18 +12,18 @@ pub struct Tolerance {
 }
 
 impl Tolerance {
-    /// Single precision, and elongations and variances kept in 16 bits: sums over a few patches
-    /// agree to a thousandth.
+    /// Single precision, and elongations and variances in 16 bits: sums over a few patches agree
+    /// to a thousandth.
     pub const ROUNDING: Self = Self { each: 1e-3, mean: 1e-3 };
 
     /// With stretched contacts: ln I₀ is approximated to 0.08 (equation R6).
     pub const STRETCH: Self = Self { each: 0.1, mean: 0.1 };
 }
 
-/// Compares ln evidence by a fast path with that of the reference on sessions with names.
+/// Compares ln evidence of a fast path with that of the reference on named sessions.
 ///
 /// # Panics
-/// When they differ by more than the tolerance: that is what it is for.
+/// When they differ by more than the tolerance.
 #[track_caller]
 pub fn check_recogniser(
     fast: impl Fn(&Session<'_>) -> f64,
@@ -66,8 +66,9 @@ mod tests {
     use crate::propose::proposals::propose;
     use crate::test_support::{inverse, map_of, places, some_pose, space};
 
-    /// Six patches stand for all of a map, by a Gaussian about the voxel instead of the touch
-    /// (equation R8): most of a unit a touch in a session on few patches, and hardly a bias.
+    /// Six patches represent all of a map, by a Gaussian about the voxel instead of the touch
+    /// (equation R8): the error is up to a unit per touch in a session on few patches, with
+    /// little bias.
     const THINNED: Tolerance = Tolerance { each: 1.0, mean: 0.3 };
 
     /// The observations of a session.
@@ -138,7 +139,7 @@ mod tests {
         AppearanceSpace::new(*plain.grid(), plain.projection().clone(), anywhere)
     }
 
-    /// The touches of an object in a pose, each off its place by a bit.
+    /// The touches of an object in a pose, each with a small error of its place.
     fn touched(places: &[Touch], pose: &Pose, seed: u64) -> Vec<Touch> {
         let mut stream = Stream::new(seed, Purpose::Perturbation, 0);
         let touch = |place: &Touch| {
@@ -250,7 +251,7 @@ mod tests {
             touches: &touches,
             poses: &poses,
         };
-        // As if the fast path took normals to be half as exact again.
+        // As if the fast path assumed a deviation of normals larger by a half.
         let mut wrong = options;
         wrong.scale.normal *= 1.5;
         let fast = |session: &Session<'_>| fast(&Session { options: &wrong, ..*session });

@@ -1,8 +1,8 @@
 //! The density of a touch under a pose (equation R4), fast: few patches, single precision.
 //!
-//! The patches near the touch explain it, in the mean over all of the map: a few of them stand for
-//! the others (`model::near`, equation R8). [`reference`](super::reference) is the same without
-//! look-up. Scores are ln.
+//! The density is a mean over all patches of the map, of which those near the touch contribute;
+//! a few of them represent the others (`model::near`, equation R8).
+//! [`reference`](super::reference) is the same without look-up. Scores are ln.
 
 use glam::{Vec2, Vec3};
 use palpate_core::exponential::exp;
@@ -14,8 +14,7 @@ use crate::observe::observation::Observation;
 use crate::observe::stretch::stretch_ratio;
 use crate::options::{RefinementScale, SurfaceOptions};
 
-/// Squared deviations beyond which a patch explains nothing: e⁻¹⁸ of what it would explain at its
-/// own place.
+/// Squared deviations beyond which a patch is ignored: its density is below e⁻¹⁸ of the peak.
 const FAR: f32 = 36.0;
 
 /// Factor of (1 + cosine)² with a mean of 1 over all directions.
@@ -63,13 +62,13 @@ impl Kernel {
         }
     }
 
-    /// The score of a touch that fits nowhere: a factor of the last term of equation R17.
+    /// The score (ln) of a touch that fits nowhere: a factor of the last term of equation R17.
     pub(crate) fn floor_of(&self, touch: &Observation) -> f32 {
         touch.weight * (self.outliers + touch.off_object).ln()
     }
 
-    /// The inverse variance along a map's surface: patches that lie far apart explain what lies
-    /// between them.
+    /// The inverse variance along a map's surface; widely spaced patches have a wider kernel,
+    /// which covers the surface between them.
     #[inline]
     pub(crate) fn along(&self, map: &SurfaceMap) -> f32 {
         self.along.max(map.spacing()).powi(-2)
@@ -142,7 +141,7 @@ impl Kernel {
         let mut kept = 1.0;
         for (index, stands_for) in found.near.weighed() {
             if usize::from(index) == left_out {
-                // The others stand for those that it stood for.
+                // The other patches take over the number that it represented.
                 let n_meant = found.near.n_meant();
                 kept = (n_meant - stands_for) / (n_meant - 1.0).max(1.0);
                 continue;
@@ -203,8 +202,9 @@ impl Kernel {
         facing * stretch * exp(-0.5 * spatial)
     }
 
-    /// Ratio of the density of a touch's normal (`felt`) about the `expected` one of a facet to an
-    /// even distribution of normals. `variance` is what touch and placement add to the facet's.
+    /// Ratio of the density of a touch's normal (`felt`) about the `expected` one of a facet to
+    /// a uniform distribution of normals. `variance` is that of touch and placement, added to
+    /// the facet's.
     ///
     /// Equation R5 of docs/recogniser.md; [`reference`](super::reference::normal_ratio) mirrors it.
     #[inline]

@@ -1,4 +1,4 @@
-//! Tests that no object has an advantage by how densely it was trained, or how large it is.
+//! Tests that neither the density of training nor the size gives an object an advantage.
 
 use glam::{DVec3, Quat, Vec3};
 
@@ -30,8 +30,8 @@ fn plate(n: usize, side: f64, thick: f64, index: u64) -> Vec<Touch> {
     (0..n).map(touch).collect()
 }
 
-/// By how much (ln, in the mean) touches of a map score more than the density of touches
-/// spread evenly over so large a surface (mm²) says.
+/// Mean excess (ln) of the score of touches on a map over that of touches spread uniformly over
+/// a surface of this `area` (mm²).
 fn excess(map: &[Touch], touches: &[Touch], area: f64) -> f64 {
     let options = SurfaceOptions::default();
     let kernel = Kernel::new(&options);
@@ -39,7 +39,7 @@ fn excess(map: &[Touch], touches: &[Touch], area: f64) -> f64 {
     let pose = InversePose::new(Quat::IDENTITY, Vec3::ZERO);
     let scale = &options.scale;
     let across = 1.0 / (std::f32::consts::TAU.sqrt() * scale.across);
-    // A plane scatters normals by the least that counts, 0.05 rad.
+    // On a plane the scatter of normals has its minimum, 0.05 rad.
     let facing = 0.95 * 2.0 / (0.002_5 + scale.normal.powi(2)) + 0.05 * 3.0;
     let even = 0.99 * scale.workspace / (area * MM * MM) as f32 * across * facing;
     let score = |touch: &Touch| kernel.score(&map, &pose, &seen(touch, &Pose::IDENTITY));
@@ -49,13 +49,13 @@ fn excess(map: &[Touch], touches: &[Touch], area: f64) -> f64 {
 
 #[test]
 fn density_does_not_depend_on_the_number_of_training_touches() {
-    // Areas of both faces in mm², and touches: alone from one in 200 mm² to one a mm².
+    // Areas of both faces in mm², and numbers of touches: from one in 200 mm² to one per mm².
     let plates = [(20_000.0, 100), (20_000.0, 1_000), (3_000.0, 250), (3_000.0, 1_000)];
     for (area, n) in plates.into_iter().chain([(2_000.0, 2_000)]) {
         let side = f64::sqrt(0.5 * area);
         for thick in [30.0, 2.0] {
             let map = plate(n, side, thick, 0);
-            // Where the rim takes nothing away.
+            // Away from the rim.
             let touches = plate(200, 0.3 * side, thick, 1);
             let excess = excess(&map, &touches, area);
             assert!(excess.abs() < 0.25, "{area} mm², {n} touches, {thick} mm: {excess}");
@@ -63,8 +63,8 @@ fn density_does_not_depend_on_the_number_of_training_touches() {
     }
 }
 
-/// The mean score of touches of the ellipsoid on a map of `n` others, thinned to a
-/// thousand as in training: at the true pose, each off by about a third of a millimetre and a
+/// The mean score of touches of the ellipsoid on a map of `n` others, thinned to a thousand as
+/// in training: at the true pose, each with an error of about a third of a millimetre and a
 /// tenth of a radian.
 fn score_of_training(n: usize) -> f32 {
     let kernel = Kernel::new(&SurfaceOptions::default());
@@ -91,8 +91,8 @@ fn score_of_training(n: usize) -> f32 {
 #[test]
 fn training_an_object_better_hardly_raises_its_scores() {
     let [few, some, many] = [200, 600, 2_000].map(score_of_training);
-    // What is left is what more touches tell of the surface between them: of ten touches half
-    // of what one touch in a wrong place costs.
+    // The remaining difference is the better knowledge of the surface between more touches; for
+    // ten touches it is half the cost of one touch in a wrong place.
     assert!((few - some).abs() < 0.4 && (some - many).abs() < 0.4, "{few} {some} {many}");
     assert!((few - many).abs() < 0.5, "{few} {many}");
 }

@@ -14,7 +14,7 @@ use crate::observe::press_space::PressSpace;
 use crate::options::SurfaceOptions;
 use crate::propose::proposals::Proposal;
 
-/// The observations of a session, and all that scores poses by them.
+/// The observations of a session, with everything needed to score poses by them.
 #[derive(Clone, Copy)]
 pub(crate) struct Evidence<'a> {
     pub(crate) maps: &'a [Arc<SurfaceMap>],
@@ -40,8 +40,8 @@ impl Evidence<'_> {
         self.score_in_turn(object, pose, self.touches.iter().rev(), bar)
     }
 
-    /// The score by all `touches` in this order: a pose is given up sooner when those that are
-    /// likely to contradict it come first.
+    /// The score by all `touches` in this order: a pose is dropped sooner if the touches that
+    /// are likely to contradict it come first.
     ///
     /// Equation R17 of docs/recogniser.md.
     #[inline]
@@ -64,8 +64,8 @@ impl Evidence<'_> {
         Some(sum)
     }
 
-    /// Leaves the `n` proposals of a pair that the pair's weight and the `others` score best; all
-    /// while there are no others. A proposal fits its own pair anyway.
+    /// Keeps the `n` best proposals of a pair by the pair's weight and the scores of the
+    /// `others`; keeps all if there are no others. A proposal fits its own pair by construction.
     pub(crate) fn keep_best_by(
         &self,
         others: &[&Observation],
@@ -81,19 +81,19 @@ impl Evidence<'_> {
         let scores = self.kernel.score_each(map, &poses, others);
         let rated = proposals.iter().zip(scores).map(|(p, score)| (p.weight.ln() + score, *p));
         let mut rated: Vec<(f32, Proposal)> = rated.collect();
-        // A stable sort: of equal ones the pair's order decides.
+        // A stable sort: ties keep the pair's order.
         rated.sort_by(|a, b| b.0.total_cmp(&a.0));
         proposals.clear();
         proposals.extend(rated.iter().take(n).map(|(_, proposal)| *proposal));
     }
 
-    /// The newest touch and its press, added to a pose's score.
+    /// Score (ln) of a pose by the newest touch and its press.
     pub(crate) fn newest(&self, map: &SurfaceMap, pose: &InversePose) -> f32 {
         let touch = self.touches.last().map_or(0.0, |touch| self.kernel.score(map, pose, touch));
         touch + self.newest_press(map, pose)
     }
 
-    /// The newest press, added to a pose's score.
+    /// Score (ln) of a pose by the newest press.
     pub(crate) fn newest_press(&self, map: &SurfaceMap, pose: &InversePose) -> f32 {
         let space = self.spaces.last();
         space.map_or(0.0, |space| contradiction(space, map, pose, &self.options.score))

@@ -5,7 +5,8 @@ use crate::observe::inverse_pose::InversePose;
 use crate::observe::press_space::PressSpace;
 use crate::options::ScoreScale;
 
-/// What a press says against a pose (ln): 0 for nothing, less than 0 for contradictions.
+/// Log-likelihood (ln) of a pose from the free and occupied points of a press: 0 without
+/// contradictions, negative with them.
 ///
 /// Equation R11 of docs/recogniser.md.
 #[inline]
@@ -78,9 +79,9 @@ mod tests {
 
     #[test]
     fn a_press_on_the_surface_contradicts_nothing() {
-        // Sixteen points of the array and five of the body. About the middle four some taxels of
-        // the spot are pressed and some are free; of the broad contact all are pressed there, and
-        // some about all others.
+        // Sixteen points of the array and five of the body. About the middle four points, some
+        // taxels of the spot are pressed and some are free; under the broad contact all are
+        // pressed there, and some about every other point.
         let (spot, broad) = (touch(&SPOT, above(0.0)), touch(&BROAD, above(0.0)));
         assert_eq!((spot.free.len(), spot.occupied.len()), (17, 0));
         assert_eq!((broad.free.len(), broad.occupied.len()), (5, 4));
@@ -91,9 +92,9 @@ mod tests {
 
     #[test]
     fn a_press_inside_the_object_and_one_far_from_it_contradict_it() {
-        // 15 mm inside all free points are within: the press says no more than it may.
+        // 15 mm inside, all free points are within the object: the loss is at its cap.
         assert!((contradiction(&touch(&SPOT, above(-15.0 * MM))) + 3.0).abs() < 1e-6);
-        // 30 mm above four pressed points have nothing behind them: 4 · 0.5.
+        // 30 mm above, four pressed points have no material behind them: 4 · 0.5.
         assert!((contradiction(&touch(&BROAD, above(30.0 * MM))) + 2.0).abs() < 1e-6);
     }
 

@@ -15,7 +15,7 @@ pub(crate) struct Hypothesis {
 }
 
 impl Hypothesis {
-    /// The pose, ready for look-ups.
+    /// The inverse pose for look-ups.
     pub(crate) fn inverse_pose(&self) -> InversePose {
         InversePose::new(self.rotation, self.translation)
     }

@@ -1,7 +1,7 @@
-//! The motion prior: where an object is likely to be after an announced move (equation R15).
+//! The motion prior: density of an object's pose after an announced move (equation R15).
 //!
-//! The poses of before are where the search begins. Poses far from them, measured by the stated
-//! motion, are less likely but never ruled out: the statement may be wrong.
+//! The search begins at the poses from before the move. Poses far from them, relative to the
+//! stated motion, are less likely but never ruled out: the statement may be wrong.
 
 use nalgebra::Matrix6;
 use palpate_core::reading::Looseness;
@@ -9,10 +9,10 @@ use palpate_core::reading::Looseness;
 use super::hypothesis::Hypothesis;
 use crate::observe::inverse_pose::InversePose;
 
-/// Poses of an object that the prior holds.
+/// Maximum number of poses per object in the prior.
 pub(crate) const POSES_MAX: usize = 8;
 
-/// Touches that fix a pose by themselves.
+/// Number of touches that determine a pose by themselves.
 const FIXED: usize = 3;
 
 /// Share of moves that are larger than stated.
@@ -26,14 +26,14 @@ const VARIANCE_MIN: [f32; 2] = [1e-9, 1e-6];
 pub(crate) struct MotionPrior {
     /// Poses with their shares.
     pub(crate) poses: Vec<(InversePose, f32)>,
-    /// Variance of the motion so far: m².
+    /// Variance of the translation so far, m².
     pub(crate) position: f32,
-    /// Variance of the motion so far: rad².
+    /// Variance of the rotation so far, rad².
     pub(crate) angle: f32,
 }
 
 impl MotionPrior {
-    /// Bytes behind its list.
+    /// Heap bytes of its list.
     pub(crate) fn bytes(&self) -> usize {
         self.poses.capacity() * size_of::<(InversePose, f32)>()
     }
@@ -54,8 +54,8 @@ impl MotionPrior {
         self.angle += motion.angle.powi(2) as f32;
     }
 
-    /// Covariance that the motion adds to a pose's (x, y, z in metres, then rad) while fewer than
-    /// three touches since say where the object is.
+    /// Covariance that the motion adds to that of a pose (x, y, z in metres, then rad) until
+    /// three touches have determined the pose.
     pub(crate) fn covariance(&self, n_touches: usize) -> Matrix6<f64> {
         let (p, r) = (f64::from(self.position), f64::from(self.angle));
         if n_touches >= FIXED {

@@ -1,8 +1,8 @@
-//! The null model: how "none of these" is corrected by what the objects explain of themselves.
+//! The null model: correction of "none of these" by the objects' self-match scores.
 //!
-//! A small object, or one that looks like no other, explains its touches far better than a large
-//! plain one; an object that is not in the catalogue and merely resembles it explains them worse
-//! than the object itself does (equations R12 and R13).
+//! A small or distinctive object explains its touches far better than a large plain one; touches
+//! of an unknown object that merely resembles it score lower than its own touches (equations R12
+//! and R13).
 
 use glam::{DVec3, Quat};
 use rayon::prelude::*;
@@ -16,23 +16,23 @@ use crate::observe::observation::Observation;
 use crate::observe::touch::Touch;
 use crate::options::{ScoreScale, SurfaceOptions};
 
-/// Patches of a map that its self-match score is measured on.
+/// Number of patches on which a map's self-match score is measured.
 const SAMPLES: usize = 48;
 
-/// Share of the best object's weight below which an object has no say.
+/// Share of the best object's weight below which an object is ignored.
 const LEAST: f64 = 0.01;
 
-/// The touches that the evidence of "none of these" is of.
+/// The touches in the evidence of "none of these".
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Counted {
     /// Their number by weight.
     pub(crate) touches: f64,
-    /// Score (ln) that all of them lose under every object, unsteady or loosely placed.
+    /// Total loss of score (ln) under every object because touches are unsteady or loosely placed.
     pub(crate) loss: f64,
 }
 
-/// Correction (ln) of the evidence of "none of these": more where the touches look like an object
-/// that should explain them better, less where touches lose under every object. `evidence` has
+/// Correction (ln) of the evidence of "none of these": higher if the touches resemble an object
+/// that should explain them better, lower if touches lose under every object. `evidence` has
 /// objects with their ln evidence.
 ///
 /// Equation R13 of docs/recogniser.md.
@@ -46,8 +46,8 @@ pub(crate) fn correction(
     excess(evidence, temperature, scale, self_match) * counted.touches - counted.loss
 }
 
-/// Excess (ln a touch) of the self-match scores over that of most maps, in the mean over the
-/// objects by their evidence.
+/// Mean excess (ln per touch) of the self-match scores over the typical one, weighted by the
+/// objects' evidence.
 fn excess(
     evidence: impl Iterator<Item = (usize, f64)> + Clone,
     temperature: f64,
@@ -66,8 +66,8 @@ fn excess(
     if total > 0.0 { scale.self_match_share * sum / total } else { 0.0 }
 }
 
-/// Finds the self-match scores of all objects, in parallel, for beliefs with these options: else
-/// the first session that needs them waits.
+/// Computes the self-match scores of all objects, in parallel, for beliefs with these options.
+/// Without it the first session that needs them waits.
 pub(crate) fn prepare(model: &SurfaceModel, options: &SurfaceOptions) {
     let kernel = Kernel::new(options);
     model.maps().par_iter().for_each(|map| {
@@ -114,9 +114,10 @@ mod tests {
         let usual = |object: usize| [14.0, 10.0, f64::NAN][object];
         let scale = SurfaceOptions::default().score;
         let excess = |logs: [f64; 3]| excess(logs.into_iter().enumerate(), 2.0, &scale, usual);
-        // Alone, 2 above most: 0.8 · 2; the third is too unlikely to have a say.
+        // A dominant object, 2 above the typical score: 0.8 · 2; the third is too unlikely to
+        // count.
         assert!((excess([50.0, 0.0, 0.0]) - 1.6).abs() < 1e-9);
-        // As likely as the other, 2 below most: nothing.
+        // Equally likely with another 2 below the typical score: no excess.
         assert!(excess([50.0, 50.0, 0.0]).abs() < 1e-9);
         // 2 ln 3 less at a temperature of 2 is a third: 0.8 · (2 − 2/3)/(4/3).
         let third = excess([50.0, 50.0 - 2.0 * 3f64.ln(), 0.0]);
@@ -139,7 +140,7 @@ mod tests {
         let options = SurfaceOptions::default();
         let kernel = Kernel::new(&options);
         let score = |n: usize| self_match(&map_of(&places(n, 0)), &space(), &kernel, &options);
-        // One patch has no other: what is left is the share of outliers, 1 %.
+        // A single patch has no other: only the share of outliers, 1 %, remains.
         assert!((score(1) - 0.01f32.ln()).abs() < 1e-5);
         assert!((6.0..14.0).contains(&score(500)), "{}", score(500));
         let map = map_of(&places(20, 0));

@@ -1,8 +1,8 @@
 //! The reference: the evidence of a session as one plain sum over all patches, poses and touches.
 //!
-//! Double precision, no look-up, no pruning, no rounded storage: the equations of
-//! `docs/recogniser.md` as they are printed. It is slow, and exists so that the fast path can be
-//! compared with it ([`super::check::check_recogniser`]).
+//! The equations of `docs/recogniser.md` as printed, in double precision, without look-up,
+//! pruning or rounded storage. It is slow and serves as the reference for the fast path
+//! ([`super::check::check_recogniser`]).
 
 use std::f64::consts::TAU;
 
@@ -33,8 +33,8 @@ pub struct Session<'a> {
     pub poses: &'a [Pose],
 }
 
-/// ln L_o of equation R17 for k = 3: the sum over the session's poses, and that all touches fit
-/// nowhere.
+/// ln L_o of equation R17 for k = 3: the sum over the session's poses and over the case that all
+/// touches fit nowhere.
 #[must_use]
 pub fn evidence(session: &Session<'_>) -> f64 {
     let bends = bends(session.map.patches(), session.map.spacing());
@@ -52,7 +52,7 @@ pub fn evidence(session: &Session<'_>) -> f64 {
     log_sum_exp(session.poses.iter().map(score).chain([lost]))
 }
 
-/// How a touch is placed: its weight, the variances of its position and angle, and its off-object
+/// Placement of a touch: its weight, the variances of its position and angle, and its off-object
 /// density. Equations R2, R3 and R14.
 #[derive(Clone, Copy, Debug)]
 struct Placed {
@@ -91,7 +91,8 @@ impl Placed {
     }
 }
 
-/// L of equation R4: how much denser the touch is under the object in a pose than anywhere.
+/// L of equation R4: density ratio of the touch under the object in a pose against a touch
+/// anywhere.
 fn density(session: &Session<'_>, bends: &[Bend], pose: &Pose, touch: &Touch, at: &Placed) -> f64 {
     let scale = &session.options.scale;
     let object_from_session = pose.inverse();
@@ -126,14 +127,14 @@ fn density(session: &Session<'_>, bends: &[Bend], pose: &Pose, touch: &Touch, at
     peak * sum / n + outliers + at.off_object
 }
 
-/// The surface bent about a patch, at a point: equation R4a.
+/// The curved surface about a patch, at a point: equation R4a.
 struct Surface {
     /// Height of the point above it, metres.
     height: f64,
     /// Squared distance along the tangent plane, m².
     flat_squared: f64,
     normal: DVec3,
-    /// Along the stretch and across it.
+    /// Tangent axes: along the stretch and across it.
     axes: [DVec3; 2],
 }
 
@@ -158,8 +159,8 @@ impl Surface {
     }
 }
 
-/// Equation R5: ratio of the density of a normal to an even one. `turned` is its turn along the
-/// stretch and across it, `cosine` that of the angle to the expected normal.
+/// Equation R5: ratio of the density of a normal to a uniform one. `turned` is its rotation
+/// along the stretch and across it, `cosine` that of the angle to the expected normal.
 #[must_use]
 pub fn normal_ratio(cosine: f64, turned: DVec2, variances: DVec2, outliers: f64) -> f64 {
     let side = outliers * 0.75 * (1.0 + cosine).powi(2);
@@ -238,7 +239,8 @@ pub fn pair_evidence(session: &Session<'_>) -> Option<f64> {
     Some(sum / (n * (n - 1)).max(1) as f64)
 }
 
-/// Distance, cosines of both normals with the axis, and the normals seen along the axis.
+/// Distance, cosines of both normals with the axis, and the angle between the normals about the
+/// axis.
 struct PairGeometry {
     axis: DVec3,
     distance: f64,

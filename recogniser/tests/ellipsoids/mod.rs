@@ -1,4 +1,4 @@
-//! Ellipsoids whose contacts vary: objects by formula, for tests of the recogniser.
+//! Ellipsoids with varying contacts: analytic objects for tests of the recogniser.
 
 #![allow(dead_code, reason = "each test program uses a part of it")]
 
@@ -29,8 +29,8 @@ pub(crate) fn six_by_six() -> SensorDescription {
     SensorDescription::digitacts_6x6()
 }
 
-/// A touch of an ellipsoid: a blob that is longest along the object's z as seen on the surface,
-/// and whose size varies along x and y.
+/// A touch of an ellipsoid: a blob that is longest along the projection of the object's z axis
+/// onto the surface, and whose size varies along x and y.
 pub(crate) fn touch(object: usize, sensor: &SensorDescription, stream: &mut Stream) -> Reading {
     touch_of(HALF_AXES[object], sensor, stream)
 }

@@ -1,4 +1,4 @@
-//! Tests: when a component proposes, and what two touches say.
+//! Tests of proposals by a component, and of the evidence of two touches.
 
 use super::*;
 use crate::observe::touch::Touch;
@@ -73,7 +73,7 @@ fn the_joint_table_and_an_objects_own_pairs_are_on_one_scale() {
     component.propose_by_first_pair(&common);
     let mut n_posed = 0;
     for (object, table) in component.objects.iter().zip(&by_table) {
-        // All of so few patches are tabled: both are means over the very same pairs.
+        // With this few patches all are tabled, so that both are means over the same pairs.
         let PairEvidence { evidence, appearance, .. } = object.pair;
         assert!((evidence - table.evidence).abs() <= 1e-4 * evidence, "{table:?} {object:?}");
         assert!((appearance - table.appearance).abs() <= 1e-4 * appearance, "{table:?} {object:?}");
