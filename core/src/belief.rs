@@ -1,4 +1,4 @@
-//! Beliefs: identities, poses, and how sure they are.
+//! Beliefs: probabilities of identities and poses.
 
 pub mod answer;
 pub mod orbits;

@@ -1,7 +1,7 @@
 //! The mathematics of recognising objects by touch: the ground that all recognisers share.
 //!
-//! Pure: no HTTP, no storage, no clock, no hidden randomness. The modules stand in the order
-//! in which they may use each other. Source: Pezzementi (2011), chapters 2–5, with the
+//! Pure: no HTTP, no storage, no clock, no hidden randomness. The modules are listed in the
+//! order in which they may use each other. Source: Pezzementi (2011), chapters 2–5, with the
 //! corrections in `docs/equations.md`.
 
 pub mod units;

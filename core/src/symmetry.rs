@@ -36,8 +36,8 @@ pub struct Symmetry {
     /// The fixed point of all symmetries nearest to the origin, object frame, metres; the
     /// origin itself for an object without symmetry.
     pub center: DVec3,
-    /// All axes, the highest order first. Beside a continuous axis one axis of order 2 stands
-    /// for all across it; three continuous axes are a ball.
+    /// All axes, the highest order first. Beside a continuous axis, one axis of order 2
+    /// represents all axes across it; three continuous axes mean a ball.
     pub axes: Vec<SymmetryAxis>,
 }
 

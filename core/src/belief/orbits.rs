@@ -1,7 +1,7 @@
 //! Modes of an answer modulo the symmetries of the objects.
 //!
-//! A mode stands for its orbit: all poses that are equal to it under the object's symmetry.
-//! The covariance says that the angle about a continuous axis is unknown.
+//! A mode represents its orbit: all poses that are equal to it under the object's symmetry. The
+//! covariance says that the angle about a continuous axis is unknown.
 
 use std::f64::consts::PI;
 

@@ -1,4 +1,4 @@
-//! Polar spectrum: the magnitude of each spatial frequency, whatever its direction and position.
+//! Polar spectrum: the magnitude of each spatial frequency, independent of direction and position.
 //!
 //! Beyond the dissertation, for arrays large enough to hold an object's shape. The magnitudes
 //! of the zero-padded image's spectrum are invariant to translation; on rings of the spectrum

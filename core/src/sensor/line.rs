@@ -40,7 +40,7 @@ impl Line {
         self.slope * x + self.offset
     }
 
-    /// The goodness of this line's fit to points, whether it was fitted to them or not.
+    /// The goodness of fit of this line to any points.
     #[must_use]
     pub fn goodness(&self, points: &[(f64, f64)]) -> Goodness {
         let n = points.len().max(1) as f64;
