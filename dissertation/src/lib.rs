@@ -2,8 +2,8 @@
 //!
 //! Chapter 3 is `occupancy`, `mosaic`, `filter` and `geometric`; chapter 4 is `appearance`;
 //! chapter 5 is `patch`, `patch_pair` and `sva`. Chapter 2 is shared by all methods
-//! (`palpate_core::sensor`). The modules stand in the order in which they may use each other.
-//! Corrections are in `docs/equations.md`. Not here: the service's own recogniser.
+//! (`palpate_core::sensor`). The modules are listed in the order in which they may use each
+//! other. Corrections are in `docs/equations.md`. Not here: the service's own recogniser.
 
 pub mod occupancy;
 pub mod mosaic;

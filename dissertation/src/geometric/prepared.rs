@@ -21,7 +21,7 @@ use palpate_core::units::MM;
 /// Step of reaches, metres.
 const STEP: f64 = 0.1 * MM;
 
-/// Largest reach in steps; beyond it nothing of a map is left.
+/// Largest reach in steps; a larger one blurs a map away.
 const STEPS_MAX: usize = 100;
 
 /// Cells of the screening, metres; well below the point spread.

@@ -26,7 +26,7 @@ use palpate_core::units::MM;
 
 /// Number of cells of a plotted axis.
 const MARGINAL_CELLS: usize = 72;
-/// Extent of a particle for plotting: metres, rad. Its noise in a time step.
+/// Extent of a particle for plotting, equal to its noise in a time step: metres, rad.
 const SMEAR: [f64; 2] = [1.0 * MM, 0.1];
 /// Largest distance between particles of one mode: metres, rad.
 const MODE_REACH: [f64; 2] = [4.0 * MM, 0.5];
@@ -151,7 +151,7 @@ impl PrintedBelief {
             Filter::Histogram(filter, _) => filter.add(press),
             Filter::Particles(filter, exponent) => {
                 let (maps, table) = (&self.model.maps, &self.model.table);
-                // The prior weighs once: later draws from it include it already.
+                // The prior enters once: the particles contain it from then on.
                 let weight = if self.n_readings == 0 { exponent.recip() } else { 0.0 };
                 filter.add(|object, pose| match self.log_prior[object] {
                     f64::NEG_INFINITY => f64::NEG_INFINITY,

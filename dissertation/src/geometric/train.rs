@@ -269,7 +269,7 @@ mod tests {
         // The strip's middle lies at −4 mm now.
         let at = |x: f64| map.log_odds_at(DVec3::new(x, 0.0, 0.0));
         assert!(at(-4.0 * MM) > 2.0 && at(4.0 * MM) < -2.0, "{} {}", at(-4.0 * MM), at(4.0 * MM));
-        // Where the map is certain, so is the table, up to its smoothing.
+        // For certain cells the table is certain as well, up to its smoothing.
         let touching = model.table.probability(ContactClass::InContact, 8.0);
         let free = model.table.probability(ContactClass::NoContact, -8.0);
         assert!(touching > 0.8 && free > 0.8, "{touching} {free} {:?}", model.table);

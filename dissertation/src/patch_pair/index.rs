@@ -286,7 +286,7 @@ mod tests {
         let expected: Vec<_> = patches.iter().map(heavier).collect();
         assert_eq!(index.likeliest_classes(0..40), expected);
         assert_eq!(index.likeliest_classes(7..12), expected[7..12]);
-        // Farther from each other than any bin: no pair names them.
+        // Their distance is beyond all bins, so that no pair contains them.
         let class = || vec![Association { class: ClassIdx(2), weight: 1.0 }];
         let apart = indexed(&[([0.0; 3], class()), ([1.0, 0.0, 0.0], class())]);
         assert_eq!(apart.likeliest_classes(0..2), [None, None]);

@@ -23,8 +23,8 @@ const N_TRIALS: usize = 50;
 pub const NEAR_DUPLICATE: f64 = 0.95;
 
 /// Share of the probability that held-out readings give to the other object of a pair, from
-/// which the pair is reported too. Readings of one object trained as two would give 0.5,
-/// whatever noise few readings leave in the histograms.
+/// which the pair is reported too. Readings of one object trained as two would give 0.5, even
+/// with the noise of few readings in the histograms.
 pub const CONFUSED_SHARE: f64 = 0.4;
 
 /// One trial: the true object, and the sum of its readings' ln likelihoods by object.
