@@ -21,7 +21,7 @@ pub use recenter::{
     touch_recentered_carried,
 };
 
-/// When Press and Orient both count as idle; without noise the two rules agree.
+/// Rule by which Press and Orient both count as idle; without noise the two rules agree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Idle {
     /// Orient has no command on the reading at which Press came to rest.

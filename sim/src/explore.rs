@@ -205,7 +205,7 @@ impl<'a> Explorer<'a> {
         let mut inverse = |target: Target| {
             self.arm.inverse(&target, from, &InverseConfig::COARSE, &mut self.targets)
         };
-        // Close to the limit of its reach the arm cannot turn the sensor as it likes.
+        // Close to the limit of its reach the arm cannot turn the sensor freely.
         let facing = Target::Facing { position: step.position, direction: step.direction };
         let Some(to) = inverse(facing).or_else(|| inverse(Target::Position(step.position))) else {
             self.statistics.inverse_failures += 1;

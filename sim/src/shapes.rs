@@ -1,9 +1,9 @@
 //! The public benchmark: 25 closed objects to touch, 80 mm in their largest dimension.
 //!
 //! The first ten are as varied as the dissertation's (section 5.4): thin and thick, round and
-//! edged, smooth and rough. The other fifteen are harder to tell apart (`hard`). Each is a
-//! signed distance in millimetres, meshed on a grid, without any randomness.
-//! Not here: files; meshes from users are read by `mesh`.
+//! edged, smooth and rough. The other fifteen are harder to distinguish (`hard`). Each is a
+//! signed distance in millimetres, meshed on a grid, without any randomness. Not here: files;
+//! meshes from users are read by `mesh`.
 
 mod assembled;
 mod creatures;

@@ -30,7 +30,7 @@ pub enum Recenter {
     Always,
 }
 
-/// When and how a first contact is centred.
+/// Parameters for centring a first contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RecenterConfig {
     /// The controllers' limits, also for every approach.

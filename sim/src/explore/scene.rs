@@ -54,7 +54,7 @@ pub(super) enum Motion {
     Blocked,
 }
 
-/// What a configuration touches.
+/// Contact of a configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Met {
     Nothing,
@@ -142,7 +142,7 @@ impl<'a> Scene<'a> {
     }
 
     fn hits_itself_or_walls(&self, capsules: &[Capsule]) -> bool {
-        // The first link stands on the floor, wherever that is.
+        // The first link stands on the floor, which may lie outside the room.
         let outside = capsules[1..].iter().any(|capsule| {
             !self.room.holds(capsule.from, capsule.radius)
                 || !self.room.holds(capsule.to, capsule.radius)
@@ -160,7 +160,7 @@ impl<'a> Scene<'a> {
         })
     }
 
-    /// What the sensor touches: an object in its covering is felt, one in its housing collides.
+    /// Contact of the sensor: an object in its covering is felt, one in its housing collides.
     fn met_by_sensor(&self, placement: &Placement) -> Met {
         let object_from_sensor = self.session_from_object.inverse() * placement.session_from_sensor;
         let back = object_from_sensor * (-HOUSING_DEPTH * DVec3::Z);
@@ -286,7 +286,7 @@ mod tests {
         assert!(lowest(&free) >= 0.0, "{}", lowest(&free));
         assert!((-0.41 * thickness..0.0).contains(&lowest(&touching)), "{}", lowest(&touching));
         assert!(!scene.is_free(&from, &touching));
-        // The controllers may press on: that is what the covering is for.
+        // The controllers may press further into the covering.
         assert!(scene.can_follow(&from, &at));
     }
 }

@@ -43,8 +43,8 @@ fn extrude(
         triangles.push([front + a, front + b, front + c]);
         triangles.push([back + a, back + c, back + b]);
     }
-    // The walls stand on the edges that only one triangle of the face has. The solid stays
-    // closed whatever corners the triangulation leaves out.
+    // The walls stand on the edges that belong to one triangle of the face only. The solid stays
+    // closed even if the triangulation leaves out corners.
     let edges: BTreeSet<[u32; 2]> =
         face.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
     for &[a, b] in edges.iter().filter(|[a, b]| !edges.contains(&[*b, *a])) {

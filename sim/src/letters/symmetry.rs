@@ -1,7 +1,7 @@
-//! Rotational symmetry of letters, and pairs of letters that look alike under a rotation.
+//! Rotational symmetry of letters, and pairs of letters with similar shapes under a rotation.
 //!
 //! The overlap of two shapes is the area they share over the area that either covers, 1 for
-//! equal shapes. A method that is blind to rotation cannot tell such pairs apart.
+//! equal shapes. A rotation-invariant method cannot distinguish such pairs.
 
 use std::f64::consts::TAU;
 
@@ -193,8 +193,8 @@ mod tests {
     fn built_in_letters_have_their_drawn_symmetries() {
         let font = Font::built_in();
         for letter in font.letters() {
-            // S, s, Z and z are smaller above than below: turned by half they overlap
-            // themselves by less than 0.97 and can be told apart.
+            // S, s, Z and z are smaller above than below: after half a turn they overlap
+            // themselves by less than 0.97 and are distinguishable.
             let folds = if "HINOXlox".contains(letter.symbol()) { 2 } else { 1 };
             assert_eq!(letter.rotation_order(), RotationOrder::Finite(folds), "{}", letter.symbol);
         }

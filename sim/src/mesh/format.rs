@@ -102,7 +102,7 @@ pub(super) fn parse(format: MeshFormat, bytes: &[u8]) -> Result<Soup, MeshError>
     })
 }
 
-/// The format that a file's first word indicates; `None` if the word is none of ours.
+/// The format that a file's first word indicates; `None` for an unknown word.
 fn first_word(bytes: &[u8]) -> Option<MeshFormat> {
     let word = bytes.split(u8::is_ascii_whitespace).next()?;
     match word {

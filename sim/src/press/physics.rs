@@ -2,8 +2,8 @@
 //!
 //! [`Physics::PointSpread`] is section 2.5.1's image processing; all training uses it.
 //! [`Physics::ElasticCovering`] solves the contact with an elastic body and shares only the
-//! object's heights with it: recognition that works on it has not merely learnt our own blur.
-//! It is used for tests and never fitted to the other.
+//! object's heights with it: recognition that works with it does not depend on our model of
+//! blur. It is used for tests only and is never fitted to the point spread.
 
 use std::f64::consts::PI;
 

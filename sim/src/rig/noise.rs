@@ -20,7 +20,7 @@ const DEVIATIONS_MAX: f64 = 2.5;
 pub struct RigNoise {
     /// A taxel's gain, the same in all presses; relative to 1.
     pub gain_spread: f64,
-    /// A taxel's gain, drawn anew in each reading; relative to 1.
+    /// A taxel's gain, redrawn for each reading; relative to 1.
     pub drift: f64,
     /// The logarithm of a press's depth.
     pub depth_spread: f64,

@@ -1,9 +1,8 @@
 //! Random objects assembled from simple bodies, for catalogues of any size.
 //!
-//! Two to five boxes, cylinders, ellipsoids, rings, turned bodies and star-shaped prisms;
-//! each has its middle on the surface of an earlier one, and half of the objects are drilled
-//! through. An object is drawn anew until it is connected. Lengths in millimetres, as in
-//! `field`.
+//! Two to five boxes, cylinders, ellipsoids, rings, turned bodies and star-shaped prisms; each
+//! has its middle on the surface of an earlier one, and half of the objects are drilled through.
+//! An object is redrawn until it is connected. Lengths in millimetres, as in `field`.
 
 use std::f64::consts::TAU;
 

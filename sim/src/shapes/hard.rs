@@ -1,4 +1,4 @@
-//! Fifteen objects that touch tells apart with difficulty: near twins, thin, notched, symmetric.
+//! Fifteen objects that are hard to distinguish by touch: near twins, thin, notched, symmetric.
 //!
 //! Twins differ in one measure by about 2 mm, in handedness, or in the place of one notch.
 //! Symmetric ones look the same from many poses. Lengths in millimetres, as in `field`.

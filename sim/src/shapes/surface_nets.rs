@@ -234,8 +234,8 @@ fn quadrangles(
     vertices: &[DVec3],
 ) -> Vec<[u32; 3]> {
     let mut triangles = Vec::new();
-    // The cells around an edge along each axis, in order around it, and which of the
-    // cell's edges it is there.
+    // The cells around an edge along each axis, in order around it, and the edge's number in
+    // each cell.
     let around = [
         [
             (IVec3::new(0, 0, 0), 0),
