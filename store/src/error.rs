@@ -39,7 +39,7 @@ pub enum RecordError {
         /// Length of the payload.
         length: usize,
     },
-    /// A code has no meaning.
+    /// A code is not defined.
     #[error("{field} is {found}, which stands for nothing")]
     Code {
         /// The field's name.

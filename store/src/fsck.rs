@@ -103,7 +103,7 @@ impl Checker {
 /// Error of leftovers that were not removed.
 #[derive(Debug, Error)]
 pub enum CollectError {
-    /// There is damage, so unreferenced records cannot be determined.
+    /// Damage prevents the search for unreferenced records.
     #[error("{n_damaged} records are damaged: what they name is not known, so nothing is removed")]
     Damaged {
         /// Number of damage findings.

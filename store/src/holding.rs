@@ -1,10 +1,10 @@
-//! Holdings: how many bytes each API key wrote of each thing that can be removed.
+//! Holdings: bytes that each API key wrote, by removable thing.
 //!
-//! An engine counts them with every commit that names an account: what the commit's records take
-//! more than those that they replace goes into one record for each thing and key. So a count is
-//! as durable as what it counts. Removing a thing removes its holdings. The sums for each key are
-//! kept in memory, and read again at every opening, in time linear in the number of things.
-//! Not here: who the account is, and how large a quota is (the server).
+//! An engine updates them with every commit that names an account: the bytes of the commit's
+//! records minus those of the replaced ones are added to one record per thing and key. A count
+//! is therefore as durable as the counted records. Removing a thing removes its holdings. The
+//! sums for each key are kept in memory, and read again at every opening, in time linear in the
+//! number of things. Not here: the choice of the account and of the quota (the server).
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -75,10 +75,10 @@ impl Holding {
     }
 }
 
-/// The key that stands for the thing to which the record under `key` belongs; `None` for records
-/// that are bounded otherwise, or that versions share.
+/// Key of the thing to which the record under `key` belongs; `None` for records with other
+/// bounds, and for those that versions share.
 ///
-/// Things whose keys begin alike are removed together: uploads of an object's mesh.
+/// Things whose keys share a prefix are removed together, such as uploads of an object's mesh.
 pub(crate) fn thing(key: &[u8]) -> Option<Vec<u8>> {
     let (letter, rest) = key.split_first()?;
     let (space, length) = match letter {
@@ -96,7 +96,8 @@ pub(crate) fn thing(key: &[u8]) -> Option<Vec<u8>> {
     Some([&[space as u8], rest.get(..length)?].concat())
 }
 
-/// The thing that a robot's name is: with its length, so that no name begins like another.
+/// Key of a robot's name as a thing. It contains the name's length, so that no key is a prefix
+/// of another.
 pub(crate) fn robot(name: &[u8]) -> Vec<u8> {
     let length = u8::try_from(name.len()).unwrap_or(u8::MAX);
     [&[Space::RobotHolder as u8, length], name].concat()
@@ -112,7 +113,8 @@ pub(crate) async fn release(engine: &dyn Engine, thing: &[u8]) -> Result<(), Eng
     pieces::remove_all(engine, &prefix(thing)).await
 }
 
-/// The key that wrote the thing's first record, if that was counted: nil without a key.
+/// The API key that wrote the thing's first record, if it was counted; nil for a write without a
+/// key.
 pub(crate) fn writer_of(engine: &dyn Engine, thing: &[u8]) -> Result<Option<Uuid>, EngineError> {
     let found = engine.scan(&prefix(thing), None, 1)?;
     Ok(found.first().map(Holding::from_pair).transpose()?.map(|holding| holding.key))
@@ -199,8 +201,9 @@ impl Bill {
         Some(Self { account, is_essential: commit.is_essential, things: counted.collect() })
     }
 
-    /// Adds a write: bytes of the record that it replaces, and of the new one. What is removed
-    /// counts when its thing is gone ([`release`]): it may have been written by another key.
+    /// Adds a write: bytes of the record that it replaces, and of the new one. Removed records
+    /// count until their thing is removed ([`release`]), since another key may have written
+    /// them.
     pub(crate) fn add(&mut self, key: &[u8], before: Option<&[u8]>, after: Option<&[u8]>) {
         let Some((after, thing)) = after.zip(thing(key)) else { return };
         let size = |value: &[u8]| (key.len() + value.len()) as i64;
@@ -241,7 +244,7 @@ impl Held {
     }
 }
 
-/// The account of a commit, evaluated when the commit is made; `None` is no account.
+/// Function that returns the account of a commit when the commit is made; `None` for no account.
 pub type Who = Arc<dyn Fn() -> Option<Account> + Send + Sync>;
 
 /// An engine whose commits count towards an account.

@@ -166,7 +166,7 @@ impl Relations {
         }
     }
 
-    /// Whether the thing is there that a holding counts. Holdings come behind all things.
+    /// Whether the thing of a holding exists. Holdings come after all things in the order of keys.
     fn is_there(&self, key: &[u8]) -> bool {
         let id = id_of(&key[1..]);
         match key.get(1) {

@@ -15,7 +15,7 @@ use crate::envelope::Kind;
 use crate::error::RecordError;
 use crate::record::{IdV1, Plain, Record, read, write};
 
-/// A head of schema 1 says how many entries there are and nothing else.
+/// Head of schema 1, which has only the number of entries.
 #[derive(Encode, Decode)]
 struct JournalHeadV1 {
     next: u64,
@@ -29,8 +29,7 @@ struct JournalHeadV2 {
     is_closed: bool,
 }
 
-/// A head as it was stored: of schema 2, or of schema 1, which says only how many entries the
-/// journal has.
+/// A stored head, of schema 2, or of schema 1, which has only the number of the journal's entries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum StoredHead {
     Whole(Head),

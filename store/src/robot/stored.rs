@@ -1,4 +1,4 @@
-//! The keys that robots' names belong to, as they are stored.
+//! Stored form of the keys that own robots' names.
 
 use uuid::Uuid;
 

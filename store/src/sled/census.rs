@@ -1,10 +1,11 @@
-//! The census of an opening: what all levels hold, found by reading each byte once.
+//! The census of an opening: the content of all levels, found by reading each byte once.
 //!
-//! A base says in its footer what it holds, so of its blocks only the checksums are looked at. The
-//! sleds on top are read pair by pair, and what they change of the base is added to that. Both are
-//! cut into parts that threads take one by one; a sled says nothing of where its keys lie, so it is
-//! cut evenly between the first and the last key of each space, whose ids ascend with time.
-//! The time is linear in the bytes of the base, and about ten times that in those of the sleds.
+//! The footer of a base states its totals, so that only the checksums of its blocks are
+//! verified. The sleds on top are read pair by pair, and their changes to the base are added.
+//! Both are divided into parts that threads take one by one; a sled does not reveal the
+//! distribution of its keys, so it is divided evenly between the first and the last key of each
+//! space, whose ids ascend with time. The time is linear in the bytes; a byte of a sled takes
+//! about ten times as long as one of the base.
 
 use std::ops::{Bound, Range};
 use std::sync::{Mutex, PoisonError};
@@ -23,7 +24,7 @@ const PARTS: u64 = 32;
 /// Blocks of a base that are checked at once, about a megabyte.
 const BLOCKS: usize = 128;
 
-/// A piece of the work.
+/// A part of the work.
 enum Part {
     /// The keys of the sleds between two cuts.
     Sleds(Vec<u8>, Option<Vec<u8>>),

@@ -1,10 +1,10 @@
 //! The mark: the number of acknowledged commits, in a file beside sled's.
 //!
-//! When the end of sled's log is damaged, sled takes the part before for the whole, tally
-//! included; the mark reveals it. It is written after the log is durable and before a commit
-//! is acknowledged, so it never runs ahead, into two slots in turn, so that one is always
-//! undamaged. A `kill -9` loses nothing written; against a loss of power it is synced at most
-//! every second, since a sync of its own would halve the rate of commits.
+//! If the end of its log is damaged, sled treats the remaining part as complete, tally included;
+//! the mark detects this. It is written after the log is durable and before a commit is
+//! acknowledged, so that it is never ahead of the log. Two slots are written alternately, so
+//! that one is always undamaged. A `kill -9` loses nothing written; against a loss of power it
+//! is synced at most every second, since a sync of its own would halve the rate of commits.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};

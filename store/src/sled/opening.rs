@@ -105,7 +105,7 @@ pub(super) fn open_levels(
         }
         None => None,
     };
-    // Both read their logs; side by side a restart in the middle of a merge waits for one.
+    // Both read their logs; in parallel, a restart during a merge takes the time of one.
     let (top, frozen) = std::thread::scope(|scope| {
         let open = |number| open_layer(folder, number, options);
         let frozen = scope.spawn(move || current.frozen.map(open).transpose());
@@ -188,7 +188,7 @@ fn open_sled(
     sled_folder: &Path,
     options: &SledOptions,
 ) -> Result<::sled::Db, OpenError> {
-    // No flushes behind the writer's back: concurrent flushes deadlock in sled.
+    // Only the writer flushes, since concurrent flushes deadlock in sled.
     let config = ::sled::Config::new()
         .path(sled_folder)
         .cache_capacity(options.cache_bytes)

@@ -1,9 +1,9 @@
 //! Disk space: writes are refused before the disk is full.
 //!
-//! A sled that meets a full disk in the middle of a write is unusable until it is opened
-//! again, and may not open. So a reserve stays free, and commits that would need it are
-//! refused. Pure removals may use half of it, and essential commits, such as the revocation
-//! of a key, three quarters.
+//! A sled that meets a full disk in the middle of a write is unusable until it is opened again,
+//! and may not open. Therefore a reserve stays free, and commits that would need it are refused.
+//! Pure removals may use half of it, and essential commits, such as the revocation of a key,
+//! three quarters.
 
 use std::fmt;
 use std::io;

@@ -1,9 +1,8 @@
 //! The tally: the number of commits and a sum over all pairs, written with each commit.
 //!
-//! A page that sled drops takes its keys with it, and their absence cannot be seen in the
-//! rest. The sum reveals it: for every pair the first 16 bytes of BLAKE3 over the key's
-//! length (u32), the key and the value, added up modulo 2¹²⁸. A commit updates it by its own
-//! writes.
+//! If sled drops a page, its keys are missing without a trace in the remaining pages. The sum
+//! detects this: it adds, modulo 2¹²⁸, the first 16 bytes of BLAKE3 over the key's length (u32),
+//! the key and the value of every pair. A commit updates it by its own writes.
 
 use crate::envelope::{self, Kind};
 

@@ -40,7 +40,7 @@ pub(super) enum Order {
     Compact(oneshot::Sender<Result<Compacted, EngineError>>),
 }
 
-/// A key, what it held, and what it is to hold.
+/// A key with its old and its new value.
 struct Change {
     key: Vec<u8>,
     before: Option<Vec<u8>>,

@@ -44,7 +44,7 @@ fn current() -> String {
     lines(&*engine)
 }
 
-/// The dump of a database with these journal entries, and what `and` adds.
+/// The dump of a database with these journal entries and the additions of `and`.
 fn current_of(entries: &[NewEntry], and: impl AsyncFnOnce(&Database)) -> String {
     let engine: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
     let database = Database::with_engine(Arc::clone(&engine)).unwrap();
