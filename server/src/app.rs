@@ -160,7 +160,7 @@ impl App {
         );
         let vital = [store, compute, check("serving", !stopping, serving.to_owned())];
         // With a full disk or a damaged version the server still does most of its work, and
-        // another one would not do it better.
+        // failing over would not help.
         let ready = vital.iter().all(|check| check.passed);
         Readiness { ready, checks: vital.into_iter().chain([room, memory, integrity]).collect() }
     }

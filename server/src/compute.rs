@@ -1,14 +1,14 @@
 //! The compute threads, behind a queue with a fixed number of slots.
 //!
-//! There are two kinds, each with as many threads as the operator permits. Short work is what
-//! a robot waits for, milliseconds. Long work, such as lists, drawings, explanations and
-//! filters with a hundred thousand particles, has its own threads with a lower priority:
-//! under any load a robot waits only for other robots, and on an idle machine long work is as
-//! fast. Parts of one piece of work (`rayon` in core) run on the same threads, never on a
-//! pool of the whole process. Each thread has one that waits for it, so that no more pieces
-//! are started than threads compute. Async threads only wait. A computation needs a [`Place`]
-//! first, before anything is stored; without one the robot is asked to retry. Work is not
-//! started if its asker has gone (`asker`). A panic in one piece ends that piece only.
+//! There are two kinds, each with as many threads as the operator permits. Short work takes
+//! milliseconds, and a robot waits for it. Long work, such as lists, drawings, explanations and
+//! filters with a hundred thousand particles, has its own threads with a lower priority: under
+//! any load a robot waits only for other robots, and on an idle machine long work is as fast.
+//! Parts of one piece of work (`rayon` in core) run on the same threads, never on a pool of the
+//! whole process. Each thread has one that waits for it, so that no more pieces are started than
+//! threads compute. Async threads only wait. A computation needs a [`Place`] first, before
+//! anything is stored; without one the robot is asked to retry. Work is not started if its asker
+//! has gone (`asker`). A panic in one piece ends that piece only.
 
 mod queue;
 

@@ -1,5 +1,5 @@
-//! The layers that a request passes on its way to a route, one concern a file. What they keep
-//! between requests lives below `app`.
+//! The layers that a request passes on its way to a route, one concern per file. Their state
+//! between requests is in `app`.
 
 pub(crate) mod telemetry;
 

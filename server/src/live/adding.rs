@@ -107,7 +107,7 @@ impl Live {
         ))
     }
 
-    /// The belief that was answered at a revision, where an answer is to have one.
+    /// The belief of a revision, if the answer is to contain one.
     async fn repeat(
         &self,
         state: &mut State,
@@ -124,8 +124,8 @@ impl Live {
         Ok(Some(self.past(tools, place, revision, POSES, start).await?))
     }
 
-    /// Stores new readings and folds them. The place to compute is taken first: an overloaded
-    /// server refuses instead of storing what it cannot answer.
+    /// Stores new readings and folds them. The compute slot is taken first: an overloaded server
+    /// refuses instead of storing readings that it cannot answer.
     async fn append(
         &self,
         state: &mut State,

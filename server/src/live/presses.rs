@@ -108,7 +108,7 @@ fn settled(readings: &[&Added], press: &[usize]) -> (usize, Touch) {
         let ((a, a_own), (b, b_own)) = (key(a), key(b));
         a.total_cmp(&b).then(a_own.total_cmp(&b_own))
     };
-    // Of equal ones `max_by` takes the last.
+    // `max_by` takes the last of equal ones.
     let at = (0..press.len()).max_by(deeper).unwrap_or(0);
     let (first, index) = (readings[press[0]], press[at]);
     let moved_by = (at > 0 && first.frame.object_moved).then_some(first.place.number);

@@ -1,4 +1,4 @@
-//! The readings that a fold takes in: those that a request handed on, else those of the journal.
+//! The readings of a fold: those of the current request, or else those of the journal.
 //!
 //! A reading is parsed once, when it arrives. It is read back from the journal only for a belief
 //! that is folded again: after a restart, or behind a late reading.
@@ -61,7 +61,7 @@ pub(crate) struct Readings {
     journal: Journal,
     sensors: Arc<KnownSensors>,
     options: Options,
-    /// The newest entries of the journal, by number: a request has just appended them.
+    /// The newest entries of the journal, by number, as just appended by a request.
     handed: BTreeMap<u32, Arc<Ready>>,
 }
 
@@ -120,7 +120,7 @@ impl Readings {
         Ok(in_order)
     }
 
-    /// Readings by their numbers: those that were handed on, and the others from the journal.
+    /// Readings by their numbers: those of the request, and the others from the journal.
     fn numbered(&self, numbers: Vec<u32>) -> Result<BTreeMap<u32, Arc<Ready>>, Refusal> {
         let mut ready = BTreeMap::new();
         let mut others = Vec::new();

@@ -1,7 +1,7 @@
 //! The layer of the audit log: an entry before every change, its outcome after it.
 //!
-//! A change runs in a task of its own, so that a caller who hangs up leaves neither it nor its
-//! entry half done.
+//! A change runs in a separate task, so that it and its entry are completed even if the caller
+//! disconnects.
 
 use std::time::Instant;
 

@@ -1,9 +1,9 @@
 //! The audit log: an entry before every change, its outcome after it, and refused requests.
 //!
-//! A change runs in a separate task, so that a caller who hangs up leaves neither it nor its
-//! entry half done. Failures and refusals go to separate rings, repetitions are counted in
-//! one entry (`folds`), and a key whose changes keep failing has to wait (`failures`), so no
-//! caller can push entries out of the log.
+//! A change runs in a separate task, so that it and its entry are completed even if the caller
+//! disconnects. Failures and refusals go to separate rings, repetitions are counted in one entry
+//! (`folds`), and a key whose changes keep failing has to wait (`failures`), so no caller can
+//! push entries out of the log.
 
 mod failures;
 mod folds;
@@ -203,7 +203,7 @@ impl Audit {
         Ok(wire::AuditPage { items, next_cursor: behind.map(cursor) })
     }
 
-    /// Writes down that a change is asked for.
+    /// Records the request of a change.
     pub(crate) async fn begin(&self, attempt: Attempt) -> Result<AuditEntry, StoreError> {
         self.log.begin(entry(attempt)).await
     }

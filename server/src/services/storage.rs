@@ -50,7 +50,7 @@ pub(crate) struct Storage {
     store: Database,
     keys: Arc<Keys>,
     quota: Option<u64>,
-    /// The largest things at the last survey, most first.
+    /// The largest things at the last survey, largest first.
     largest: Mutex<Vec<StoredThing>>,
 }
 
@@ -91,8 +91,9 @@ impl Storage {
         }
     }
 
-    /// Figures of what keys hold and of the largest things, in the text format of Prometheus. They
-    /// are written here because the recorder of metrics would keep those of removed things.
+    /// Figures of the bytes that keys hold and of the largest things, in the text format of
+    /// Prometheus. They are written here because the recorder of metrics would keep those of
+    /// removed things.
     pub(crate) fn figures(&self) -> String {
         let Ok(stats) = self.store.stats() else { return String::new() };
         let mut text = format!("# TYPE {KEY_BYTES} gauge\n");
@@ -137,7 +138,7 @@ impl Storage {
         holders
     }
 
-    /// The largest things, most first, with what a compaction gives back.
+    /// The largest things, largest first, with the bytes that a compaction would free.
     fn largest(&self, stats: &EngineStats) -> Vec<StoredThing> {
         let mut largest = self.largest.lock().unwrap_or_else(PoisonError::into_inner).clone();
         largest.push(StoredThing {

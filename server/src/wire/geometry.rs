@@ -196,7 +196,7 @@ const IDENTITY: wire::Pose = wire::Pose { position: [0.0; 3], orientation: [0.0,
 /// Core's prior over poses from one that was checked and has its defaults.
 ///
 /// # Errors
-/// [`Invalid`] when what is stored is no longer valid.
+/// [`Invalid`] if the stored prior is no longer valid.
 pub(crate) fn core_prior(prior: &PosePrior) -> Result<CorePrior, Invalid> {
     match prior {
         PosePrior::Planar { plane, center, half_extent, angle, half_angle } => {

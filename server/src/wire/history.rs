@@ -33,7 +33,7 @@ const STEP_OBJECTS_MAX: usize = 10;
 /// The belief without a reading.
 pub(crate) struct Without {
     pub(crate) answer: Answer,
-    /// Bits by which that belief expects the reading more than a touch anywhere.
+    /// log₂ likelihood ratio of the reading under that belief against a touch anywhere.
     pub(crate) fit_bits: Option<f64>,
 }
 

@@ -21,7 +21,7 @@ pub(crate) struct Status {
     pub(crate) n_readings: u64,
     /// Number of withdrawn readings.
     pub(crate) n_retracted: u64,
-    /// When the last entry came, or the session began.
+    /// Time of the last entry, or else of the session's start.
     pub(crate) changed_at_ms: u64,
     /// Time and reason of the end; `None` while it is open.
     pub(crate) end: Option<End>,

@@ -36,7 +36,7 @@ pub(crate) struct Question {
     pub(crate) deadline: Duration,
 }
 
-/// Checks what a robot asks. `sensor` is the one that it names, if there is one.
+/// Checks a robot's request. `sensor` is the named one, if it exists.
 pub(crate) fn question(
     asked: &wire::AskNextTouches,
     sensor: Option<&Sensor>,

@@ -96,8 +96,8 @@ pub(crate) fn check_size(given: &[wire::Reading]) -> Result<(), Invalid> {
     Ok(())
 }
 
-/// Checks the readings of a request. `sources` are those that they name, where there is one;
-/// `frame_id` is the one that they must be given in.
+/// Checks the readings of a request. `sources` are the sensors that they name, if they exist;
+/// `frame_id` is the required frame.
 pub(crate) fn readings(
     given: &[wire::Reading],
     sources: Vec<Option<Source>>,
@@ -124,7 +124,7 @@ pub(crate) fn warnings(readings: &[Incoming], first: Option<Pose>) -> Vec<wire::
     of_readings(&judged, first.map(|pose| pose.translation))
 }
 
-/// The pose of the reading that an entry is, if it is one and has a pose.
+/// The pose of an entry; `None` if it is not a reading or has no pose.
 pub(crate) fn pose_of(entry: &Entry) -> Option<Pose> {
     match &entry.event {
         Event::Reading(reading) => reading.session_from_sensor,

@@ -94,7 +94,7 @@ impl Harness {
         Self::trained_with(|_| {}).await
     }
 
-    /// The same for a server that asks for keys.
+    /// The same for a server that requires keys.
     pub(crate) async fn guarded_and_trained() -> Self {
         Self::trained_with(|config| config.access = Access::Keys).await
     }

@@ -25,7 +25,7 @@ pub(super) struct Control {
     order: AtomicU8,
     pub(super) job: watch::Sender<wire::Job>,
     told: Mutex<(JobStage, Instant, Instant)>,
-    /// When its time is up; set when it begins.
+    /// Deadline of the job; set when it begins.
     ends: OnceLock<Instant>,
 }
 

@@ -88,7 +88,7 @@ impl Jobs {
     }
 
     async fn store_end(&self, ending: &Ending) -> Result<Job, Refusal> {
-        // A job's end frees what it held: it may use the reserve.
+        // The end of a job frees its resources, so that it may use the reserve.
         let table = self.store.essential().jobs();
         let stored = table.update(ending.id, |now| {
             ending.write(now);
