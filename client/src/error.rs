@@ -5,7 +5,7 @@ use std::time::Duration;
 use palpate_schemas::{Problem, ProblemType};
 use thiserror::Error;
 
-/// Why a call failed.
+/// Error of a failed call.
 #[derive(Debug, Error)]
 pub enum Error {
     /// The server refused the request.
@@ -13,7 +13,7 @@ pub enum Error {
     Problem {
         /// The problem document.
         problem: Box<Problem>,
-        /// When to try again, if the server says so.
+        /// Time until a retry, if the server states it.
         retry_after: Option<Duration>,
     },
     /// The answer does not come from Palpate, but for instance from a proxy.
@@ -25,7 +25,7 @@ pub enum Error {
         status: u16,
         /// Beginning of the body.
         body: String,
-        /// When to try again, if the answer says so.
+        /// Time until a retry, if the answer states it.
         retry_after: Option<Duration>,
     },
     /// The connection failed.
@@ -55,7 +55,7 @@ pub enum Error {
     Unexpected {
         /// URL of the request.
         url: String,
-        /// Where the answer differs.
+        /// Error of the parser, with its position.
         source: serde_json::Error,
     },
     /// An event stream ended early.
@@ -69,7 +69,7 @@ pub enum Error {
     Event {
         /// URL of the request.
         url: String,
-        /// What is wrong with the event.
+        /// Description of the fault.
         detail: String,
     },
     /// The server's address is not valid.
@@ -124,7 +124,7 @@ impl Error {
         matches!(self, Self::Unreachable { .. } | Self::TimedOut { .. } | Self::Broken { .. })
     }
 
-    /// When to try again, if the server says so.
+    /// Time until a retry, if the server states it.
     #[must_use]
     pub fn retry_after(&self) -> Option<Duration> {
         match self {

@@ -34,8 +34,8 @@ pub struct Touch {
     /// Distance in metres that the sensor travelled along its +z without contact; important for a
     /// press that met nothing.
     pub approach_m: Option<f64>,
-    /// When the press was made, by a clock shared by all robots of the session, such as the
-    /// simulated time. It must increase with every touch. Default: this computer's clock.
+    /// Time of the press, by a clock shared by all robots of the session, such as the simulated
+    /// time. It must increase with every touch. Default: this computer's clock.
     pub stamp: Option<Stamp>,
 }
 
