@@ -2,7 +2,7 @@
 
 use palpate_client::schemas::{Method, TrainingReport, UncalibratedReason};
 
-/// Why probabilities are not calibrated, and the remedy.
+/// Text with the reason for uncalibrated probabilities, and the remedy.
 pub(crate) fn words(reason: UncalibratedReason) -> &'static str {
     match reason {
         UncalibratedReason::OneObject => {
@@ -20,8 +20,8 @@ pub(crate) fn note(reason: UncalibratedReason) -> String {
     format!("probabilities and the risk of stopping are not calibrated: {}", words(reason))
 }
 
-/// Why a method's probabilities over a version are not calibrated; `None` if they are, or if the
-/// version does not say.
+/// Reason for which a method's probabilities over a version are not calibrated; `None` if they
+/// are, or if the version does not say.
 pub(crate) fn reason_of(
     method: Option<Method>,
     report: &TrainingReport,

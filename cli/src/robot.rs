@@ -43,7 +43,7 @@ const SEEN_WITHIN: f64 = 8.0 * MM;
 /// Maximum rotation of the object from the camera's estimate, rad.
 const SEEN_WITHIN_ANGLE: f64 = 0.2;
 
-/// How a robot touches.
+/// A robot's way of touching.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Approach {
     /// Anywhere, along the surface's normal.
@@ -66,12 +66,12 @@ pub(crate) struct Robot {
 }
 
 impl Robot {
-    /// A robot that the server tells where to touch. `seed` and `trial` decide its object's pose.
+    /// A robot guided by the server. `seed` and `trial` decide its object's pose.
     pub(crate) fn new(simulator: Arc<PressSimulator>, seed: u64, trial: u64) -> Self {
         Self::approaching(simulator, Approach::AsTold, seed, trial)
     }
 
-    /// A robot that touches as `approach` says.
+    /// A robot that touches by `approach`.
     pub(crate) fn approaching(
         simulator: Arc<PressSimulator>,
         approach: Approach,
@@ -212,7 +212,7 @@ pub(crate) fn read_mesh(path: &Path, unit: MeshUnit) -> anyhow::Result<Mesh> {
         .with_context(|| format!("{} is not a mesh that can be touched", path.display()))
 }
 
-/// How a mesh file was read: the unit, and the resulting size.
+/// Text on the interpretation of a mesh file: the unit, and the resulting size.
 pub(crate) fn read_as(unit: MeshUnit, mesh: &Mesh) -> String {
     let (low, high) = mesh.bounds();
     let [x, y, z] = ((high - low) / MM).to_array();

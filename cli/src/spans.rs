@@ -14,10 +14,10 @@ use tracing_subscriber::Layer;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::registry::LookupSpan;
 
-/// What sends spans, as long as the process runs.
+/// Provider of the spans, for the life of the process.
 static SPANS: OnceLock<SdkTracerProvider> = OnceLock::new();
 
-/// Sends the server's spans to the collector at this address, whatever the log leaves out.
+/// Sends the server's spans to the collector at this address, independently of the log's level.
 pub(crate) fn layer<S>(address: &str) -> anyhow::Result<impl Layer<S>>
 where
     S: Subscriber + for<'a> LookupSpan<'a>,
@@ -28,7 +28,7 @@ where
     Ok(layer.with_filter(Targets::new().with_target("palpate_server", LevelFilter::INFO)))
 }
 
-/// Sends what is left; the process ends.
+/// Sends the remaining spans at the end of the process.
 pub(crate) fn flush() {
     if let Some(spans) = SPANS.get()
         && let Err(error) = spans.shutdown()
@@ -39,7 +39,7 @@ pub(crate) fn flush() {
 
 fn provider(address: &str) -> anyhow::Result<SdkTracerProvider> {
     let endpoint = format!("{}/v1/traces", address.trim_end_matches('/'));
-    // The exporter's client speaks TLS by it, and asks for it even when the collector does not.
+    // The exporter's client uses it for TLS, and requires it even without TLS at the collector.
     let _ = rustls::crypto::ring::default_provider().install_default();
     let exporter = SpanExporter::builder()
         .with_http()

@@ -83,7 +83,7 @@ pub(crate) struct LoadArgs {
     /// Recognition method [default: the server's choice].
     #[arg(long, value_parser = among(&[Method::Surface, Method::Sva]))]
     method: Option<Method>,
-    /// How much of the belief each answer contains.
+    /// Detail of the belief in each answer.
     #[arg(long, value_enum, default_value = "full")]
     belief: BeliefDetail,
     /// Seed of all random choices.

@@ -251,7 +251,7 @@ pub(crate) struct ServeArgs {
     store_quota_mb: u64,
 }
 
-/// When requests need an API key.
+/// Condition under which requests need an API key.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum AccessChoice {
     /// If a key is stored.

@@ -305,7 +305,7 @@ fn table(sessions: &[Session]) -> String {
                 session.n_readings.to_string(),
                 session.frame_id.clone().unwrap_or_default(),
                 session.created_at.clone(),
-                // When it ended, or when it will expire.
+                // Time of its end, or of its expiry.
                 session.closed_at.clone().or(session.expires_at.clone()).unwrap_or_default(),
             ]
         }),

@@ -54,7 +54,7 @@ enum Action {
         /// Folder to write to; it must not exist, or be empty.
         #[arg(long, value_name = "DIR")]
         data: PathBuf,
-        /// What to do with the snapshot's API keys; required if it holds any that were not revoked.
+        /// Treatment of the snapshot's API keys; required if it holds any that were not revoked.
         #[arg(long, value_name = "WHICH")]
         keys: Option<KeysChoice>,
         /// Folder that the restored one replaces, for `--keys newer`; no server may have it open.

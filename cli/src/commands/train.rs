@@ -238,7 +238,7 @@ fn warning_words(report: &TrainingReport) -> String {
     skipped.chain(of_whole).chain(of_objects).collect()
 }
 
-/// What the probabilities were calibrated on; empty if the report does not say.
+/// Text on the data of the calibration; empty if the report does not state it.
 fn calibration_words(report: &TrainingReport) -> String {
     match (report.calibrated, report.uncalibrated_reason) {
         (Some(true), _) => format!(
