@@ -1,5 +1,5 @@
-//! The order of the house: which crate may use which, which module comes before which, what
-//! converts, and that every source file says why it exists.
+//! Architecture rules: dependencies between crates, order of modules, place of conversions, and
+//! a purpose comment in every source file.
 
 #[path = "house/imports.rs"]
 mod imports;
@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use imports::{Import, circle, declared, imports, is_test, only_declares, product};
 
-/// The storeys of the house: a crate may use only crates of lower storeys.
+/// Layers of crates: a crate may use only crates of lower layers.
 const STOREYS: [&[&str]; 8] = [
     &["palpate-core", "palpate-schemas"],
     &["palpate-dissertation", "palpate-recogniser"],
@@ -21,7 +21,7 @@ const STOREYS: [&[&str]; 8] = [
     &["palpate-tests"],
 ];
 
-/// What each crate may use of ours; a crate not named here may use nothing.
+/// Our crates that each crate may use; a crate not listed may use none.
 const MAY_USE: &[(&str, &[&str])] = &[
     ("palpate-dissertation", &["palpate-core"]),
     ("palpate-recogniser", &["palpate-core"]),
@@ -57,7 +57,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ),
 ];
 
-/// The crates of mathematics: no time and no I/O.
+/// The mathematical crates, without time and I/O.
 const MATHEMATICS: [&str; 3] = ["core", "dissertation", "recogniser"];
 
 /// The crates whose modules use only those that `lib.rs` (`main.rs`) declares before them.

@@ -58,7 +58,7 @@ async fn train(client: &Client) {
     assert_eq!(job.state, JobState::Succeeded, "{job:?}");
 }
 
-/// Touches an object in a pose of its own; gives the session and the last belief.
+/// Touches an object in a pose of its own; returns the session and the last belief.
 async fn recognise(client: &Client, object: &str, seed: u64) -> (TouchSession, Belief) {
     let mut stream = Stream::new(seed, Purpose::ObjectPose, 0);
     let session_from_mesh = Pose::from_parts(stream.rotation(), 0.3 * stream.direction());
@@ -86,7 +86,7 @@ async fn recognise(client: &Client, object: &str, seed: u64) -> (TouchSession, B
     (session, belief)
 }
 
-/// Touches an object that moves as it likes, by a robot that knows no poses.
+/// Touches an object that moves arbitrarily, by a robot without poses.
 async fn recognise_by_appearance(client: &Client, object: &str) -> (TouchSession, Belief) {
     let request = CreateSession { method: Some(Method::Appearance), ..CreateSession::default() };
     let mut session = client.touch_session(&request, "arm").await.unwrap();

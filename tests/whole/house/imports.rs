@@ -1,4 +1,4 @@
-//! What the modules of a crate use of each other, read from their sources.
+//! Dependencies between the modules of a crate, read from their sources.
 
 use std::path::{Path, PathBuf};
 
@@ -105,7 +105,7 @@ fn segment(path: &str) -> String {
     path.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()
 }
 
-/// A circle among imports, as the modules on it; `None` when there is none.
+/// A cycle among imports, as the modules on it; `None` when there is none.
 pub(crate) fn circle(imports: &[Import], modules: &[String]) -> Option<Vec<String>> {
     let mut left: Vec<&String> = modules.iter().collect();
     loop {

@@ -83,7 +83,7 @@ struct Told {
 }
 
 impl Report {
-    /// Total of the faults, each a caller who was hurt or did harm.
+    /// Total of the faults: honest callers that were disturbed, and attacks that succeeded.
     pub(crate) fn faults(&self) -> u64 {
         self.honest_refused + self.held_after_60_s + self.attacks_that_worked
     }
