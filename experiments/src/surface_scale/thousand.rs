@@ -149,7 +149,7 @@ fn learn(
     report: &mut Report,
     progress: Progress<'_>,
 ) -> anyhow::Result<(SurfaceModel, Vec<Vec<Reading>>)> {
-    let (sensor, largest) = (&config.sensor, growth.largest());
+    let (sensor, largest) = (&config.touches.sensor, growth.largest());
     let mut test = Vec::with_capacity(largest);
     // There are always more members; an error in every other one is no property of the objects.
     let mut objects = objects.take(2 * largest);
@@ -211,7 +211,7 @@ fn measure(
     let surface =
         Recogniser::Surface { model: Arc::new(model), options: SurfaceOptions::default() };
     let mut sessions = Sessions {
-        sensor: &config.sensor,
+        sensor: &config.touches.sensor,
         test,
         symmetries: &vec![Symmetry::NONE; test.len()],
         seed: config.seed,
