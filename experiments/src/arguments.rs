@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use palpate_core::sensor::SensorDescription;
 use palpate_core::units::MM;
 use palpate_sim::shapes;
 use serde::Serialize;
@@ -55,6 +56,22 @@ impl ObjectSet {
     pub fn size(&self) -> f64 {
         self.size_mm * MM
     }
+}
+
+/// The readings of every object, all of one sensor: those that it is learnt from, and others that
+/// its trials choose from.
+#[derive(Args, Clone, Debug, Serialize)]
+pub struct TouchSet {
+    /// Training readings per object.
+    #[arg(long, default_value_t = 1_000, value_parser = count)]
+    pub train_readings: usize,
+    /// Test readings per object.
+    #[arg(long, default_value_t = 100, value_parser = count)]
+    pub test_readings: usize,
+    /// The sensor.
+    #[arg(skip = SensorDescription::digitacts_6x6())]
+    #[serde(skip)]
+    pub sensor: SensorDescription,
 }
 
 /// The default arguments of an experiment.

@@ -13,7 +13,6 @@ mod differences;
 use clap::Args;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::rng::{Purpose, Stream};
-use palpate_core::sensor::SensorDescription;
 use palpate_core::units::{DEG, MM};
 use palpate_dissertation::sva::SvaOptions;
 use palpate_dissertation::sva::train::TrainingConfig;
@@ -24,7 +23,7 @@ use palpate_sim::press::{CoveringConfig, Physics};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::arguments::{ObjectSet, count};
+use crate::arguments::{ObjectSet, TouchSet, count};
 use crate::disturbance::Disturbance;
 use crate::object_sessions::{Recogniser, Sessions, train_surface, train_sva};
 use crate::objects::{self, TestObject};
@@ -52,19 +51,13 @@ pub struct OtherPhysics {
     /// Sessions of the printed method in each world, which is slow; 0 for none.
     #[arg(long, default_value_t = 10)]
     pub literal_sessions: usize,
-    /// Training readings per object.
-    #[arg(long, default_value_t = 1_000, value_parser = count)]
-    pub train_readings: usize,
-    /// Test readings per object.
-    #[arg(long, default_value_t = 100, value_parser = count)]
-    pub test_readings: usize,
+    /// The readings of each object.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub touches: TouchSet,
     /// Readings per trial.
     #[arg(long, default_value_t = 10, value_parser = count)]
     pub readings: usize,
-    /// The sensor.
-    #[arg(skip = SensorDescription::digitacts_6x6())]
-    #[serde(skip)]
-    pub sensor: SensorDescription,
 }
 
 /// Readings of every object in one simulated world, and its key.
@@ -87,18 +80,18 @@ struct Tried {
 pub fn run(config: &OtherPhysics, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     let mut report = Report::default();
     let objects = config.objects.load()?;
-    let preset = Sensing::with(config.sensor.clone());
+    let preset = Sensing::with(config.touches.sensor.clone());
     progress("touching objects", 0, 2);
-    let train = preset.touch_all(&objects, config.train_readings, 2 * config.seed)?;
+    let train = preset.touch_all(&objects, config.touches.train_readings, 2 * config.seed)?;
     let symmetries = objects::symmetries(&objects);
     let surface = SurfaceConfig::default();
-    let model = train_surface(&train, &symmetries, &config.sensor, &surface, config.seed)?;
+    let model = train_surface(&train, &symmetries, &config.touches.sensor, &surface, config.seed)?;
     progress("pressing elastic coverings", 1, 2);
     let worlds = worlds(config, &objects, &preset, &model.space, &mut report)?;
     let play = |world: &World, method, recogniser: &Recogniser, n| {
         progress(world.key, 0, 1);
         let sessions = Sessions {
-            sensor: &config.sensor,
+            sensor: &config.touches.sensor,
             test: &world.test,
             symmetries: &symmetries,
             seed: config.seed,
@@ -121,7 +114,7 @@ pub fn run(config: &OtherPhysics, progress: Progress<'_>) -> anyhow::Result<Outc
     }
     if config.literal_sessions > 0 {
         let (training, options) = (TrainingConfig::literal(), SvaOptions::literal());
-        let literal = train_sva(&train, &config.sensor, &training, options, config.seed)?;
+        let literal = train_sva(&train, &config.touches.sensor, &training, options, config.seed)?;
         for world in &worlds[..3] {
             tried.push(play(world, "literal", &literal, config.literal_sessions)?);
         }
@@ -140,11 +133,11 @@ fn worlds(
     space: &palpate_recogniser::model::AppearanceSpace,
     report: &mut Report,
 ) -> anyhow::Result<Vec<World>> {
-    let (n, seed) = (config.test_readings, 2 * config.seed + 1);
+    let (n, seed) = (config.touches.test_readings, 2 * config.seed + 1);
     let elastic =
         |covering| Sensing { physics: Physics::ElasticCovering(covering), ..preset.clone() };
-    let layer = elastic(CoveringConfig::bonded_layer(&config.sensor));
-    let half_space = elastic(CoveringConfig::half_space(&config.sensor));
+    let layer = elastic(CoveringConfig::bonded_layer(&config.touches.sensor));
+    let half_space = elastic(CoveringConfig::half_space(&config.touches.sensor));
     let same = preset.touch_all(objects, n, seed)?;
     let bonded = layer.touch_all(objects, n, seed)?;
     let unbounded = half_space.touch_all(objects, n, seed)?;
@@ -152,12 +145,12 @@ fn worlds(
     let half_space_at_same = pressed_at(&half_space, objects, &same, seed);
     let own_at_bonded = pressed_at(preset, objects, &bonded, seed);
     for (name, readings) in [("layer", &layer_at_same), ("half_space", &half_space_at_same)] {
-        differences::report(report, name, &same, readings, &config.sensor, space);
+        differences::report(report, name, &same, readings, &config.touches.sensor, space);
     }
     for (name, readings) in
         [("point_spread", &same), ("layer", &bonded), ("half_space", &unbounded)]
     {
-        differences::report_heights(report, name, objects, readings, &config.sensor, space);
+        differences::report_heights(report, name, objects, readings, &config.touches.sensor, space);
     }
     let world = |key, test| World { key, test };
     Ok(vec![
@@ -275,8 +268,7 @@ mod tests {
             seed: 101,
             trials: 1,
             literal_sessions: 2,
-            train_readings: 200,
-            test_readings: 8,
+            touches: TouchSet { train_readings: 200, test_readings: 8, ..defaults() },
             readings: 4,
             ..defaults()
         };

@@ -16,7 +16,6 @@ use anyhow::{Context as _, bail};
 use clap::Args;
 use glam::{DQuat, DVec3};
 use palpate_core::pose::Pose;
-use palpate_core::sensor::SensorDescription;
 use palpate_core::units::{DEG, MM};
 use palpate_recogniser::model::SurfaceModel;
 use palpate_recogniser::observe::touch::observe_touch;
@@ -25,7 +24,7 @@ use palpate_recogniser::train::SurfaceConfig;
 use palpate_sim::plot::{Line, Panel, svg};
 use serde::Serialize;
 
-use crate::arguments::{ObjectSet, count};
+use crate::arguments::{ObjectSet, TouchSet, count};
 use crate::disturbance::Disturbance;
 use crate::object_sessions::{Recogniser, Sessions, train_surface};
 use crate::objects;
@@ -58,19 +57,13 @@ pub struct PpfPeer {
     /// Trials per object.
     #[arg(long, default_value_t = 5, value_parser = count)]
     pub trials: usize,
-    /// Training readings per object.
-    #[arg(long, default_value_t = 1_000, value_parser = count)]
-    pub train_readings: usize,
-    /// Test readings per object.
-    #[arg(long, default_value_t = 100, value_parser = count)]
-    pub test_readings: usize,
+    /// The readings of each object.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub touches: TouchSet,
     /// Numbers of touches, ascending, after which both answer.
     #[arg(long, default_values_t = [5, 10, 20], value_delimiter = ',', value_parser = count)]
     pub counts: Vec<usize>,
-    /// The sensor.
-    #[arg(skip = SensorDescription::digitacts_6x6())]
-    #[serde(skip)]
-    pub sensor: SensorDescription,
 }
 
 /// A method's answer after one of the counts.
@@ -91,14 +84,14 @@ pub fn run(config: &PpfPeer, progress: Progress<'_>) -> anyhow::Result<Outcome> 
     let mut report = Report::default();
     let objects = config.objects.load()?;
     progress("touching objects", 0, 1);
-    let preset = Sensing::with(config.sensor.clone());
-    let train = preset.touch_all(&objects, config.train_readings, 2 * config.seed)?;
-    let test = preset.touch_all(&objects, config.test_readings, 2 * config.seed + 1)?;
+    let preset = Sensing::with(config.touches.sensor.clone());
+    let train = preset.touch_all(&objects, config.touches.train_readings, 2 * config.seed)?;
+    let test = preset.touch_all(&objects, config.touches.test_readings, 2 * config.seed + 1)?;
     let symmetries = objects::symmetries(&objects);
     let surface = SurfaceConfig::default();
-    let model = train_surface(&train, &symmetries, &config.sensor, &surface, config.seed)?;
+    let model = train_surface(&train, &symmetries, &config.touches.sensor, &surface, config.seed)?;
     let sessions = Sessions {
-        sensor: &config.sensor,
+        sensor: &config.touches.sensor,
         test: &test,
         symmetries: &symmetries,
         seed: config.seed,
@@ -207,7 +200,7 @@ fn write_touches(
     for done in 0..config.trials * n_objects {
         let (object, trial) = (done % n_objects, done / n_objects);
         for heard in sessions.presented(object, trial) {
-            let touch = observe_touch(&heard.reading, &config.sensor, &model.space)
+            let touch = observe_touch(&heard.reading, &config.touches.sensor, &model.space)
                 .context("a converged touch touches")?;
             writeln!(scenes, "{object},{trial}{}", numbers(touch.position, touch.normal))?;
         }
@@ -320,8 +313,7 @@ mod tests {
             script: path.clone(),
             seed: 101,
             trials: 1,
-            train_readings: 150,
-            test_readings: 10,
+            touches: TouchSet { train_readings: 150, test_readings: 10, ..defaults() },
             counts: vec![3, 6],
             ..defaults()
         };

@@ -9,7 +9,6 @@
 use std::time::Instant;
 
 use clap::Args;
-use palpate_core::sensor::SensorDescription;
 use palpate_core::symmetry::{AxisOrder, Symmetry};
 use palpate_core::units::{DEG, MM};
 use palpate_dissertation::sva::SvaOptions;
@@ -19,7 +18,7 @@ use palpate_recogniser::train::SurfaceConfig;
 use palpate_sim::plot::{Line, Panel, svg};
 use serde::Serialize;
 
-use crate::arguments::{ObjectSet, count};
+use crate::arguments::{ObjectSet, TouchSet, count};
 use crate::disturbance::Disturbance;
 use crate::object_sessions::{Recogniser, Sessions, train_surface, train_sva};
 use crate::objects::{self, TestObject};
@@ -46,19 +45,13 @@ pub struct SurfaceObjects {
     /// Trials per object of the printed method, which is slow.
     #[arg(long, default_value_t = 10, value_parser = count)]
     pub literal_trials: usize,
-    /// Training readings per object.
-    #[arg(long, default_value_t = 1_000, value_parser = count)]
-    pub train_readings: usize,
-    /// Test readings per object.
-    #[arg(long, default_value_t = 100, value_parser = count)]
-    pub test_readings: usize,
+    /// The readings of each object.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub touches: TouchSet,
     /// Readings per trial.
     #[arg(long, default_value_t = 10, value_parser = count)]
     pub readings: usize,
-    /// The sensor.
-    #[arg(skip = SensorDescription::digitacts_6x6())]
-    #[serde(skip)]
-    pub sensor: SensorDescription,
 }
 
 /// A trained method and its trials.
@@ -79,17 +72,17 @@ struct Tested {
 pub fn run(config: &SurfaceObjects, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     let mut report = Report::default();
     let objects = config.objects.load()?;
-    let touch = |n, seed| objects::touch_all(&objects, &config.sensor, n, seed, progress);
-    let train = touch(config.train_readings, 2 * config.seed)?;
-    let test = touch(config.test_readings, 2 * config.seed + 1)?;
+    let touch = |n, seed| objects::touch_all(&objects, &config.touches.sensor, n, seed, progress);
+    let train = touch(config.touches.train_readings, 2 * config.seed)?;
+    let test = touch(config.touches.test_readings, 2 * config.seed + 1)?;
     progress("training", 0, 1);
     let started = Instant::now();
     let symmetries = objects::symmetries(&objects);
     let surface = SurfaceConfig::default();
-    let model = train_surface(&train, &symmetries, &config.sensor, &surface, config.seed)?;
+    let model = train_surface(&train, &symmetries, &config.touches.sensor, &surface, config.seed)?;
     let seconds = started.elapsed().as_secs_f64();
     let sessions = Sessions {
-        sensor: &config.sensor,
+        sensor: &config.touches.sensor,
         test: &test,
         symmetries: &symmetries,
         seed: config.seed,
@@ -109,7 +102,7 @@ pub fn run(config: &SurfaceObjects, progress: Progress<'_>) -> anyhow::Result<Ou
         [("sva", "sva_", default), ("literal", "literal_", literal)]
     {
         let started = Instant::now();
-        let sva = train_sva(&train, &config.sensor, &training, options, config.seed)?;
+        let sva = train_sva(&train, &config.touches.sensor, &training, options, config.seed)?;
         tested.push(play(name, prefix, &sva, trials, started.elapsed().as_secs_f64())?);
     }
     for method in &tested {
@@ -231,8 +224,7 @@ mod tests {
             seed: 101,
             trials: 4,
             literal_trials: 2,
-            train_readings: 300,
-            test_readings: 30,
+            touches: TouchSet { train_readings: 300, test_readings: 30, ..defaults() },
             ..defaults()
         };
         let outcome = run(&config, &|_, _, _| ()).unwrap();

@@ -20,7 +20,6 @@ use std::time::Instant;
 use clap::Args;
 use palpate_core::reading::Reading;
 use palpate_core::rng::{Purpose, Stream};
-use palpate_core::sensor::SensorDescription;
 use palpate_dissertation::sva::SvaOptions;
 use palpate_dissertation::sva::train::TrainingConfig;
 use palpate_recogniser::options::SurfaceOptions;
@@ -29,7 +28,7 @@ use palpate_sim::plot::{Line, Panel, svg};
 use palpate_sim::shapes;
 use serde::Serialize;
 
-use crate::arguments::{ObjectSet, count};
+use crate::arguments::{ObjectSet, TouchSet, count};
 use crate::disturbance::Disturbance;
 use crate::object_sessions::{Recogniser, Sessions, train_surface, train_sva};
 use crate::objects::{self, TestObject};
@@ -82,19 +81,13 @@ pub struct SurfaceScale {
     /// the third on; 0 for none.
     #[arg(long, default_value_t = 2)]
     pub chosen_trials: usize,
-    /// Training readings per object.
-    #[arg(long, default_value_t = 1_000, value_parser = count)]
-    pub train_readings: usize,
-    /// Test readings per object.
-    #[arg(long, default_value_t = 100, value_parser = count)]
-    pub test_readings: usize,
+    /// The readings of each object.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub touches: TouchSet,
     /// Readings per trial.
     #[arg(long, default_value_t = 10, value_parser = count)]
     pub readings: usize,
-    /// The sensor.
-    #[arg(skip = SensorDescription::digitacts_6x6())]
-    #[serde(skip)]
-    pub sensor: SensorDescription,
 }
 
 /// Objects with readings of them.
@@ -185,9 +178,10 @@ fn touch(
             break;
         }
         progress("touching objects", touched.objects.len(), wanted);
-        let touch = |n: usize, seed: u64| objects::touch(&object, &config.sensor, n, seed);
-        let both = touch(config.train_readings, 2 * config.seed)
-            .and_then(|train| Ok((train, touch(config.test_readings, 2 * config.seed + 1)?)));
+        let touch = |n: usize, seed: u64| objects::touch(&object, &config.touches.sensor, n, seed);
+        let both = touch(config.touches.train_readings, 2 * config.seed).and_then(|train| {
+            Ok((train, touch(config.touches.test_readings, 2 * config.seed + 1)?))
+        });
         match both {
             Ok((train, test)) => {
                 touched.train.push(train);
@@ -220,10 +214,10 @@ fn one_catalogue(
     let symmetries = objects::symmetries(&touched.objects[..count]);
     let started = Instant::now();
     let surface = SurfaceConfig::default();
-    let model = train_surface(train, &symmetries, &config.sensor, &surface, config.seed)?;
+    let model = train_surface(train, &symmetries, &config.touches.sensor, &surface, config.seed)?;
     report.summarise(&format!("train_seconds_{count}"), started.elapsed().as_secs_f64());
     let sessions = Sessions {
-        sensor: &config.sensor,
+        sensor: &config.touches.sensor,
         test: &touched.test[..count],
         symmetries: &symmetries,
         seed: config.seed,
@@ -245,7 +239,7 @@ fn one_catalogue(
     if config.literal_sessions > 0 {
         progress("training the printed method", 0, 1);
         let (training, options) = (TrainingConfig::literal(), SvaOptions::literal());
-        let literal = train_sva(train, &config.sensor, &training, options, config.seed)?;
+        let literal = train_sva(train, &config.touches.sensor, &training, options, config.seed)?;
         let played = sessions.play(&literal, count, config.literal_sessions, progress)?;
         report_catalogue(report, "literal_", count, &literal, &played);
         report_late_wrong(report, "literal", count, &touched.objects, &played);
@@ -334,8 +328,7 @@ mod tests {
             trials: 2,
             literal_sessions: 2,
             chosen_trials: 1,
-            train_readings: 250,
-            test_readings: 20,
+            touches: TouchSet { train_readings: 250, test_readings: 20, ..defaults() },
             readings: 6,
             ..defaults()
         }

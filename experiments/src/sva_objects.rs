@@ -23,7 +23,6 @@ use palpate_core::object::ObjectIdx;
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
 use palpate_core::rng::{Purpose, Stream};
-use palpate_core::sensor::SensorDescription;
 use palpate_core::training::TrainingSet;
 use palpate_core::units::{DEG, MM};
 use palpate_dissertation::sva::model::SvaModel;
@@ -33,7 +32,7 @@ use palpate_sim::plot::svg;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::arguments::{ObjectSet, count};
+use crate::arguments::{ObjectSet, TouchSet, count};
 use crate::coverage;
 use crate::objects::{self, TestObject};
 use crate::report::{Outcome, Progress, Report};
@@ -54,12 +53,10 @@ pub struct SvaObjects {
     /// Trials per object.
     #[arg(long, default_value_t = 10, value_parser = count)]
     pub trials: usize,
-    /// Training readings per object.
-    #[arg(long, default_value_t = 1_000, value_parser = count)]
-    pub train_readings: usize,
-    /// Test readings per object.
-    #[arg(long, default_value_t = 100, value_parser = count)]
-    pub test_readings: usize,
+    /// The readings of each object.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub touches: TouchSet,
     /// Readings per trial.
     #[arg(long, default_value_t = 20, value_parser = count)]
     pub readings: usize,
@@ -67,10 +64,6 @@ pub struct SvaObjects {
     /// the mask before the turn, all classes, patches at the sensor's centroid.
     #[arg(long)]
     pub as_printed: bool,
-    /// The sensor.
-    #[arg(skip = SensorDescription::digitacts_6x6())]
-    #[serde(skip)]
-    pub sensor: SensorDescription,
 }
 
 /// A trained method.
@@ -110,10 +103,10 @@ pub fn run(config: &SvaObjects, progress: Progress<'_>) -> anyhow::Result<Outcom
     let mut report = Report::default();
     let objects = config.objects.load()?;
     let started = Instant::now();
-    let touch = |n, seed| objects::touch_all(&objects, &config.sensor, n, seed, progress);
-    let train = touch(config.train_readings, 2 * config.seed)?;
+    let touch = |n, seed| objects::touch_all(&objects, &config.touches.sensor, n, seed, progress);
+    let train = touch(config.touches.train_readings, 2 * config.seed)?;
     let touch_seconds = started.elapsed().as_secs_f64();
-    let test = touch(config.test_readings, 2 * config.seed + 1)?;
+    let test = touch(config.touches.test_readings, 2 * config.seed + 1)?;
     let (ours, printed) = (TrainingConfig::default(), TrainingConfig::literal());
     let unrefined = SvaOptions { refinement: None, ..SvaOptions::default() };
     let mut methods = vec![
@@ -159,8 +152,10 @@ fn train_method(
     options: SvaOptions,
 ) -> anyhow::Result<Method> {
     let started = Instant::now();
-    let sets: Vec<TrainingSet<'_>> =
-        readings.iter().map(|readings| TrainingSet { readings, sensor: &config.sensor }).collect();
+    let sets: Vec<TrainingSet<'_>> = readings
+        .iter()
+        .map(|readings| TrainingSet { readings, sensor: &config.touches.sensor })
+        .collect();
     let vocabulary = learn_vocabulary(&sets, &training, config.seed)?;
     // The meshes' centroids are their origins already.
     let origin = Some(glam::DVec3::ZERO);
@@ -181,8 +176,8 @@ fn train_printed(
 ) -> anyhow::Result<Method> {
     let started = Instant::now();
     let n_classes = TrainingConfig::literal().n_classes;
-    let printed = Printed::learn(readings, &config.sensor, n_classes, config.seed)?;
-    let (catalogue, classes_kept) = printed.catalogue(readings, &config.sensor)?;
+    let printed = Printed::learn(readings, &config.touches.sensor, n_classes, config.seed)?;
+    let (catalogue, classes_kept) = printed.catalogue(readings, &config.touches.sensor)?;
     report.summarise("as_printed_classes_kept_mean", classes_kept);
     Ok(Method {
         name: "as_printed",
@@ -238,9 +233,9 @@ fn run_trial(
         for (n, reading) in readings.iter().enumerate() {
             let started = Instant::now();
             match &method.printed {
-                None => belief.add(reading, &config.sensor)?,
+                None => belief.add(reading, &config.touches.sensor)?,
                 Some(printed) => {
-                    printed.patch(reading, &config.sensor).into_iter().for_each(|patch| {
+                    printed.patch(reading, &config.touches.sensor).into_iter().for_each(|patch| {
                         belief.add_patch(patch);
                     });
                 }

@@ -10,7 +10,6 @@ use std::sync::Arc;
 use clap::Args;
 use palpate_core::reading::Reading;
 use palpate_core::rng::{Purpose, Stream};
-use palpate_core::sensor::SensorDescription;
 use palpate_core::units::MM;
 use palpate_dissertation::sva::SvaOptions;
 use palpate_dissertation::sva::train::TrainingConfig;
@@ -21,7 +20,7 @@ use palpate_recogniser::train::SurfaceConfig;
 use palpate_sim::plot::{Line, Panel, svg};
 use serde::Serialize;
 
-use crate::arguments::{ObjectSet, count};
+use crate::arguments::{ObjectSet, TouchSet, count};
 use crate::disturbance::Disturbance;
 use crate::object_sessions::{Recogniser, Sessions, train_surface, train_sva};
 use crate::objects;
@@ -54,19 +53,13 @@ pub struct Thinning {
     /// Readings that the printed method learns from.
     #[arg(long, default_values_t = [1_000, 250], value_delimiter = ',', value_parser = count)]
     pub literal_kept: Vec<usize>,
-    /// Training readings per object.
-    #[arg(long, default_value_t = 1_000, value_parser = count)]
-    pub train_readings: usize,
-    /// Test readings per object.
-    #[arg(long, default_value_t = 100, value_parser = count)]
-    pub test_readings: usize,
+    /// The readings of each object.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub touches: TouchSet,
     /// Readings per trial.
     #[arg(long, default_value_t = 10, value_parser = count)]
     pub readings: usize,
-    /// The sensor.
-    #[arg(skip = SensorDescription::digitacts_6x6())]
-    #[serde(skip)]
-    pub sensor: SensorDescription,
 }
 
 /// Order in which touches are kept.
@@ -91,15 +84,16 @@ struct Tested {
 pub fn run(config: &Thinning, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     let mut report = Report::default();
     let objects = config.objects.load()?;
-    let touch_all = |n, seed| objects::touch_all(&objects, &config.sensor, n, seed, progress);
-    let train = touch_all(config.train_readings, 2 * config.seed)?;
-    let test = touch_all(config.test_readings, 2 * config.seed + 1)?;
+    let touch_all =
+        |n, seed| objects::touch_all(&objects, &config.touches.sensor, n, seed, progress);
+    let train = touch_all(config.touches.train_readings, 2 * config.seed)?;
+    let test = touch_all(config.touches.test_readings, 2 * config.seed + 1)?;
     progress("training", 0, 1);
     let symmetries = objects::symmetries(&objects);
     let surface = SurfaceConfig::default();
-    let whole = train_surface(&train, &symmetries, &config.sensor, &surface, config.seed)?;
+    let whole = train_surface(&train, &symmetries, &config.touches.sensor, &surface, config.seed)?;
     let sessions = Sessions {
-        sensor: &config.sensor,
+        sensor: &config.touches.sensor,
         test: &test,
         symmetries: &symmetries,
         seed: config.seed,
@@ -122,7 +116,7 @@ pub fn run(config: &Thinning, progress: Progress<'_>) -> anyhow::Result<Outcome>
         let few: Vec<Vec<Reading>> =
             train.iter().map(|all| all.iter().take(*kept).cloned().collect()).collect();
         let (training, options) = (TrainingConfig::literal(), SvaOptions::literal());
-        let literal = train_sva(&few, &config.sensor, &training, options, config.seed)?;
+        let literal = train_sva(&few, &config.touches.sensor, &training, options, config.seed)?;
         let played = sessions.play(&literal, objects.len(), config.literal_sessions, progress)?;
         tested.push(Tested { name: "literal", kept: *kept, bytes: literal.bytes(), played });
     }
@@ -247,8 +241,7 @@ mod tests {
             trials: 2,
             literal_sessions: 2,
             literal_kept: vec![100],
-            train_readings: 200,
-            test_readings: 20,
+            touches: TouchSet { train_readings: 200, test_readings: 20, ..defaults() },
             readings: 4,
             ..defaults()
         };

@@ -10,6 +10,7 @@ pub mod calibration;
 pub mod descriptor;
 pub mod appearance;
 pub mod health;
+pub mod method;
 pub mod page;
 pub mod pose;
 pub mod geometry;
@@ -26,6 +27,7 @@ pub mod session;
 pub mod fleet;
 pub mod storage;
 pub mod training;
+pub mod job;
 
 pub use access::{
     ApiKey, ApiKeyPage, AuditEntry, AuditPage, AuditQuery, AuditRing, BindRobot, CreateKey,
@@ -56,6 +58,8 @@ pub use history::{
     BestObject, ExplainQuery, ExplainedAnswer, Explanation, ReadingContribution, ReadingRetracted,
     Replay, ReplayQuery, ReplayStep, SessionChange, SessionReading, SessionReadingPage,
 };
+pub use job::{Job, JobPage, JobStage, JobState};
+pub use method::Method;
 pub use next_touch::{AskNextTouches, NextTouch, NextTouches, TouchCandidate, TouchWorkspace};
 pub use object::{
     AddTrainingReadings, CreateObject, MeshFormat, MeshInfo, MeshQuery, MeshReport, MeshUnit,
@@ -70,16 +74,16 @@ pub use sensor::{
     SensorDescription, SensorPage, SensorPreset, TaxelGrid,
 };
 pub use session::{
-    AddReadings, BeliefDetail, CloseSession, CreateSession, EventsQuery, ExtendSession, Method,
-    PriorEntry, ReadingsAdded, ReadingsQuery, RobotBase, Session, SessionEnd, SessionEvent,
-    SessionPage, SessionState, SessionsQuery, Truth,
+    AddReadings, BeliefDetail, CloseSession, CreateSession, EventsQuery, ExtendSession, PriorEntry,
+    ReadingsAdded, ReadingsQuery, RobotBase, Session, SessionEnd, SessionEvent, SessionPage,
+    SessionState, SessionsQuery, Truth,
 };
 pub use storage::{Storage, StorageHolder, StoredKind, StoredThing};
 pub use symmetry::{SymmetryAxis, SymmetryBy};
 pub use training::{
     Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage, CurrentVersion,
-    DistanceRange, Job, JobPage, JobStage, JobState, MapDistances, MapPatch, ObjectMap,
-    ObjectReport, SetCurrent, SkippedObject, StartTraining, SurfaceReport, TrainingReport,
+    DistanceRange, MapDistances, MapPatch, ObjectMap, ObjectReport, SetCurrent, SkippedObject,
+    StartTraining, SurfaceReport, TrainingReport,
 };
 pub use warning::{Warning, WarningCode};
 

@@ -11,8 +11,9 @@ use crate::access::AccessKey;
 use crate::audit::{AuditLog, RingSizes};
 use crate::calibration::Calibrations;
 use crate::catalogue::Catalogues;
+use crate::engine::opening::OpenError;
 use crate::engine::{
-    Commit, CommitError, Compacted, Cut, Engine, EngineError, EngineStats, Expected, OpenError,
+    Commit, CommitError, Compacted, Cut, Engine, EngineError, EngineStats, Expected,
 };
 use crate::entity::{Job, Object, Sensor, Session};
 use crate::error::{RecordError, StoreError, unconditional};

@@ -36,9 +36,8 @@ use std::thread::JoinHandle;
 use futures::channel::oneshot;
 use uuid::Uuid;
 
-use crate::engine::{
-    Commit, Compacted, Cut, Engine, EngineError, EngineStats, OpenError, Pair, Pending,
-};
+use crate::engine::opening::OpenError;
+use crate::engine::{Commit, Compacted, Cut, Engine, EngineError, EngineStats, Pair, Pending};
 use crate::holding::Held;
 use crate::private;
 use compaction::Compaction;
@@ -205,7 +204,7 @@ impl SledEngine {
         };
         if damage.is_none() {
             // Remains of an interrupted compaction, which the database does not need.
-            compaction::tidy(folder, current);
+            compaction::removal::tidy(folder, current);
         }
         if damage.is_some() && !is_read_only {
             writer.accept().map_err(|error| OpenError::Damaged {

@@ -76,6 +76,9 @@ const CRATES: [&str; 12] = [
     "cli",
 ];
 
+/// From this number of lines on, a file holds more than one concept.
+const LINES: usize = 400;
+
 /// The longest name of a test, in characters.
 const NAME_MAX: usize = 60;
 
@@ -201,6 +204,14 @@ fn every_source_file_opens_with_what_it_is_for() {
         let first = text.lines().next().unwrap_or("");
         let says = first.starts_with("//! ") && first.len() > 12;
         assert!(says, "{} does not open with a sentence of what it is for", path.display());
+    }
+}
+
+#[test]
+fn no_source_file_has_400_lines_or_more() {
+    for path in sources(&root()) {
+        let found = std::fs::read_to_string(&path).unwrap().lines().count();
+        assert!(found < LINES, "{} has {found} lines, expected fewer than {LINES}", path.display());
     }
 }
 

@@ -59,7 +59,7 @@ pub(super) fn run(
     let mut played = Vec::with_capacity(count * trials);
     for (object, TestObject { mesh, .. }) in objects.iter().enumerate() {
         progress("chosen touches", object, count);
-        let simulator = PressSimulator::new(mesh.clone(), config.sensor.clone());
+        let simulator = PressSimulator::new(mesh.clone(), config.touches.sensor.clone());
         for trial in 0..trials {
             let given = sessions.presented(object, trial);
             let index = trial * count + object;
@@ -107,7 +107,7 @@ fn play(
             chosen_touch(&planner, &guided, &mut belief, &contacts, &mut chosen.presses)
         };
         if let Some(reading) = touched {
-            belief.add(&reading, &config.sensor);
+            belief.add(&reading, &config.touches.sensor);
             contacts.push(reading);
         }
         // A session without any touch has learnt nothing.

@@ -149,7 +149,7 @@ fn learn(
     report: &mut Report,
     progress: Progress<'_>,
 ) -> anyhow::Result<(SurfaceModel, Vec<Vec<Reading>>)> {
-    let (sensor, largest) = (&config.sensor, growth.largest());
+    let (sensor, largest) = (&config.touches.sensor, growth.largest());
     let mut test = Vec::with_capacity(largest);
     // The families never end; if more than half of their members fail, the cause is not the
     // objects.
@@ -212,7 +212,7 @@ fn measure(
     let surface =
         Recogniser::Surface { model: Arc::new(model), options: SurfaceOptions::default() };
     let mut sessions = Sessions {
-        sensor: &config.sensor,
+        sensor: &config.touches.sensor,
         test,
         symmetries: &vec![Symmetry::NONE; test.len()],
         seed: config.seed,

@@ -16,8 +16,7 @@ fn a_small_run_on_a_folder_of_meshes_reports_every_key() {
     let config = SvaObjects {
         objects: ObjectSet { meshes: Some(folder.clone()), ..defaults() },
         trials: 3,
-        train_readings: 200,
-        test_readings: 30,
+        touches: TouchSet { train_readings: 200, test_readings: 30, ..defaults() },
         readings: 10,
         as_printed: true,
         ..defaults()

@@ -5,8 +5,10 @@
 //! file is made durable before `current` names it and never changes afterwards, so readers share
 //! it without a lock.
 
+pub(super) mod writing;
+
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io;
 use std::ops::{Bound, Range};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -27,9 +29,6 @@ const BLOCK_BYTES_MAX: usize = BLOCK_BYTES + PAIR_HEAD_BYTES + KEY_BYTES_MAX + V
 /// Length of a pair's head: length of the key u16, length of the value u16.
 const PAIR_HEAD_BYTES: usize = 4;
 const CHECKSUM_BYTES: usize = 4;
-/// Number of bytes between syncs: one sync of everything would delay the log's. Chosen.
-const SYNC_BYTES: u64 = 4 << 20;
-
 /// An open file of sorted pairs.
 #[derive(Debug)]
 pub(super) struct Base {
@@ -46,101 +45,6 @@ struct Block {
     first: Box<[u8]>,
     at: u64,
     length: u32,
-}
-
-/// Writer of a file of sorted pairs.
-#[derive(Debug)]
-pub(super) struct BaseWriter {
-    file: BufWriter<File>,
-    path: PathBuf,
-    blocks: Vec<Block>,
-    /// The block that is not full yet.
-    block: Vec<u8>,
-    first: Vec<u8>,
-    at: u64,
-    synced_at: u64,
-    contents: Contents,
-}
-
-impl BaseWriter {
-    /// Creates a file, replacing one of that name.
-    pub(super) fn create(path: &Path) -> io::Result<Self> {
-        Ok(Self {
-            file: BufWriter::with_capacity(1 << 20, File::create(path)?),
-            path: path.to_owned(),
-            blocks: Vec::new(),
-            block: Vec::with_capacity(BLOCK_BYTES_MAX),
-            first: Vec::new(),
-            at: 0,
-            synced_at: 0,
-            contents: Contents::default(),
-        })
-    }
-
-    /// Appends a pair, whose key must be greater than all before.
-    pub(super) fn put(&mut self, key: &[u8], value: &[u8]) -> io::Result<()> {
-        let too_long = |_| io::Error::other("a key or a value is too long for a base");
-        if self.block.is_empty() {
-            self.first = key.to_vec();
-        }
-        let lengths = [key.len(), value.len()].map(u16::try_from);
-        for length in lengths {
-            self.block.extend_from_slice(&length.map_err(too_long)?.to_le_bytes());
-        }
-        self.block.extend_from_slice(key);
-        self.block.extend_from_slice(value);
-        self.contents.add(key, value);
-        if self.block.len() >= BLOCK_BYTES { self.end_block() } else { Ok(()) }
-    }
-
-    /// The pairs written so far.
-    pub(super) fn contents(&self) -> Contents {
-        self.contents
-    }
-
-    fn end_block(&mut self) -> io::Result<()> {
-        let checksum = crc32fast::hash(&self.block);
-        self.block.extend_from_slice(&checksum.to_le_bytes());
-        self.file.write_all(&self.block)?;
-        let length = self.block.len() as u32;
-        let first = std::mem::take(&mut self.first).into_boxed_slice();
-        self.blocks.push(Block { first, at: self.at, length });
-        self.at += u64::from(length);
-        self.block.clear();
-        if self.at - self.synced_at >= SYNC_BYTES {
-            self.file.flush()?;
-            self.file.get_ref().sync_data()?;
-            self.synced_at = self.at;
-        }
-        Ok(())
-    }
-
-    /// Writes index and footer, makes the file durable and opens it.
-    pub(super) fn finish(mut self) -> io::Result<Base> {
-        if !self.block.is_empty() {
-            self.end_block()?;
-        }
-        let mut index = Vec::new();
-        for block in &self.blocks {
-            index.extend_from_slice(&(block.first.len() as u16).to_le_bytes());
-            index.extend_from_slice(&block.first);
-            index.extend_from_slice(&block.at.to_le_bytes());
-            index.extend_from_slice(&block.length.to_le_bytes());
-        }
-        let mut footer = [&MAGIC[..], &VERSION.to_le_bytes()].concat();
-        footer.extend_from_slice(&self.at.to_le_bytes());
-        footer.extend_from_slice(&(index.len() as u64).to_le_bytes());
-        footer.extend_from_slice(&self.contents.n_pairs.to_le_bytes());
-        footer.extend_from_slice(&self.contents.live_bytes.to_le_bytes());
-        footer.extend_from_slice(&self.contents.sum.to_le_bytes());
-        footer.extend_from_slice(&crc32fast::hash(&index).to_le_bytes());
-        footer.extend_from_slice(&crc32fast::hash(&footer).to_le_bytes());
-        self.file.write_all(&index)?;
-        self.file.write_all(&footer)?;
-        self.file.flush()?;
-        self.file.get_ref().sync_all()?;
-        Base::open(&self.path)
-    }
 }
 
 impl Base {
@@ -236,9 +140,7 @@ impl Base {
         }
         Ok(pairs)
     }
-}
 
-impl Base {
     fn damaged_at(&self, at: u64) -> io::Error {
         damage(&self.path, &format!("has a damaged block at {at}"))
     }
@@ -366,6 +268,7 @@ fn read_at(file: &File, mut bytes: &mut [u8], mut at: u64) -> io::Result<()> {
 
 #[cfg(test)]
 mod tests {
+    use super::writing::BaseWriter;
     use super::*;
 
     fn pairs(n: u32) -> Vec<Pair> {

@@ -6,7 +6,9 @@
 //! old files. The writer itself only writes a tally and a few hundred bytes of `current`, and
 //! waits for their syncs. After a kill at any moment `current` defines the database: before
 //! the second step as it was, after it with a frozen sled whose merge restarts at the next
-//! opening, after the third with old files that are removed then.
+//! opening, after the third with old files that are removed then (`removal`).
+
+pub(super) mod removal;
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -18,14 +20,16 @@ use std::time::{Duration, Instant};
 use futures::channel::oneshot;
 
 use super::base::Base;
-use super::current::{self, Current, base_file, sled_folder, stored_bytes};
+use super::current::{Current, base_file, sled_folder, stored_bytes};
 use super::levels::{Layer, Levels};
 use super::merging::{bytes_needed, merge, tell};
 use super::opening::open_layer;
 use super::tally::{TALLY_KEY, Tally};
 use super::writer::Writer;
 use super::{DATA_FILE, SledOptions, guarded};
-use crate::engine::{Compacted, EngineError, OpenError};
+use crate::engine::opening::OpenError;
+use crate::engine::{Compacted, EngineError};
+use removal::{discard, remove};
 
 /// Interval at which the writer checks the stored bytes. Chosen: a burst of a second is far
 /// below the slack.
@@ -33,9 +37,6 @@ const LOOKING: Duration = Duration::from_secs(1);
 /// Pause after a failure before the next automatic start. Chosen: a full disk is not tried
 /// all the time.
 const BACKOFF: Duration = Duration::from_secs(60);
-/// Attempts to remove a file: a sled releases its files a moment after it is closed.
-const REMOVALS: u32 = 100;
-const REMOVAL_PAUSE: Duration = Duration::from_millis(20);
 type Answer = oneshot::Sender<Result<Compacted, EngineError>>;
 
 /// For tests: step at which a compaction stops for good, as if the process had been killed.
@@ -339,44 +340,6 @@ impl Writer {
             tell(compacted);
         }
         self.compaction.answer(&compacted);
-    }
-}
-
-/// Removes the remains of an interrupted compaction from the folder.
-pub(super) fn tidy(folder: &Path, current: Current) {
-    match current.strangers(folder) {
-        Ok(strangers) => strangers.iter().for_each(|path| discard(path)),
-        Err(error) => tracing::warn!(%error, "Cannot look for files of old compactions"),
-    }
-}
-
-/// Removes an unneeded file or folder; the next opening tries again.
-fn discard(path: &Path) {
-    if let Err(error) = current::remove(path) {
-        tracing::warn!(%error, "Cannot remove {}", path.display());
-    }
-}
-
-/// Removes the old files once no reader uses them.
-fn remove(folder: &Path, current: Current, mut before: Arc<Levels>) {
-    loop {
-        match Arc::try_unwrap(before) {
-            Ok(levels) => break drop(levels),
-            Err(read) => before = read,
-        }
-        std::thread::sleep(REMOVAL_PAUSE);
-    }
-    for attempt in 1.. {
-        let left = current.strangers(folder).unwrap_or_default();
-        let removed = left.iter().try_for_each(|path| current::remove(path));
-        match removed {
-            Ok(()) if left.is_empty() => return,
-            Err(error) if attempt >= REMOVALS => {
-                return tracing::warn!(%error, "Cannot remove the files of before a compaction");
-            }
-            // A sled that was just closed may write once more.
-            _ => std::thread::sleep(REMOVAL_PAUSE),
-        }
     }
 }
 

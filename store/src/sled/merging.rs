@@ -9,7 +9,8 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use super::base::{Base, BaseWriter};
+use super::base::Base;
+use super::base::writing::BaseWriter;
 use super::levels::Levels;
 use super::tally::TALLY_KEY;
 use crate::engine::{Compacted, EngineError};

@@ -15,7 +15,8 @@ use super::levels::{Form, Layer, Levels};
 use super::mark::{self, Found};
 use super::tally::{Contents, TALLY_KEY, Tally};
 use super::{SledOptions, census, guarded};
-use crate::engine::{EngineError, OpenError, Pair};
+use crate::engine::opening::OpenError;
+use crate::engine::{EngineError, Pair};
 use crate::holding::Held;
 use crate::key::{self, Space};
 

@@ -5,9 +5,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use palpate_store::database::{Database, DatabaseError};
-use palpate_store::engine::{
-    Commit, CommitError, Engine, EngineError, Expected, OpenError, VALUE_BYTES_MAX,
-};
+use palpate_store::engine::opening::OpenError;
+use palpate_store::engine::{Commit, CommitError, Engine, EngineError, Expected, VALUE_BYTES_MAX};
 use palpate_store::memory::MemoryEngine;
 use palpate_store::sled::{SledEngine, SledOptions};
 use tempfile::TempDir;

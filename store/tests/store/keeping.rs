@@ -5,7 +5,8 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use palpate_store::engine::{Commit, CommitError, Cut, Engine, EngineError, OpenError, Pair};
+use palpate_store::engine::opening::OpenError;
+use palpate_store::engine::{Commit, CommitError, Cut, Engine, EngineError, Pair};
 use palpate_store::memory::MemoryEngine;
 use palpate_store::sled::{CUTS_MAX, FreeSpace, OnDamage, SledEngine, SledOptions};
 use tempfile::TempDir;
