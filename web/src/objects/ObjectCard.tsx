@@ -3,6 +3,7 @@ import { useEffect, useRef, useState } from "preact/hooks";
 import type { ObjectInfo } from "../api/types";
 import { bytes, dark, plural } from "../format";
 import { link } from "../router";
+import { loadScene } from "../scene/load";
 import { meshOf } from "../session/shapes";
 
 /** Larger meshes have no picture in the gallery. */
@@ -40,7 +41,7 @@ function Picture({ object }: { object: ObjectInfo }) {
     let gone = false;
     const draw = async () => {
       const shape = await meshOf(object, [0, 0, 0], `picture/${object.mesh!.hash}/${object.mesh!.unit}`);
-      const { picture } = await import("../scene/scene");
+      const { picture } = await loadScene();
       if (!gone && canvas.current) picture(shape, canvas.current);
     };
     draw().catch(() => {

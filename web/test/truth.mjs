@@ -1,0 +1,173 @@
+// What the page says is so: on a server that freezes, stops and comes back, for every role.
+import assert from "node:assert/strict";
+import { execFileSync, spawn } from "node:child_process";
+import { once } from "node:events";
+import { checkAxe, open } from "./browser.mjs";
+
+const { PALPATE, FOLDER, SHOTS } = process.env;
+const { browser, page, errors } = await open();
+const context = page.context();
+
+async function step(name, work) {
+  const begun = Date.now();
+  await work();
+  // A server that is away, and what a role may not do, are errors to the browser.
+  const bad = errors.filter((text) => !/Failed to load resource|ERR_|Failed to fetch/.test(text));
+  assert.deepEqual(bad, [], `errors in the console while: ${name}`);
+  errors.length = 0;
+  console.log(`   ${name} (${((Date.now() - begun) / 1000).toFixed(1)} s)`);
+}
+
+async function shot(name) {
+  if (SHOTS) await page.screenshot({ path: `${SHOTS}/truth-${name}.png` });
+}
+
+/** A server that can be stopped and started again at the same address. */
+class Server {
+  constructor(name, ...options) {
+    Object.assign(this, { name, options, listen: "127.0.0.1:0" });
+  }
+
+  async start() {
+    const args = ["serve", "--listen", this.listen, "--data", `${FOLDER}/${this.name}.data`, "--json", ...this.options];
+    this.child = spawn(PALPATE, args, { stdio: ["ignore", "pipe", "ignore"] });
+    const [said] = await once(this.child.stdout, "data");
+    this.said = JSON.parse(said);
+    this.address = this.said.server;
+    this.listen = new URL(this.address).host;
+  }
+
+  async stop() {
+    this.child.kill("SIGTERM");
+    await once(this.child, "exit");
+  }
+
+  freeze() {
+    this.child.kill("SIGSTOP");
+  }
+
+  thaw() {
+    this.child.kill("SIGCONT");
+  }
+
+  palpate(...args) {
+    const env = { ...process.env, PALPATE_SERVER: this.address, ...(this.key ? { PALPATE_KEY: this.key } : {}) };
+    return execFileSync(PALPATE, args.map(String), { stdio: ["ignore", "pipe", "pipe"], env }).toString();
+  }
+
+  async json(path) {
+    return (await fetch(this.address + path)).json();
+  }
+
+  touch(object, readings, seed) {
+    this.palpate("touch", "--object", object, "--mesh", `${FOLDER}/meshes/${object}.stl`, "--readings", readings, "--seed", seed, "--pace", 0);
+  }
+}
+
+const servers = [];
+async function serve(name, ...options) {
+  const server = new Server(name, ...options);
+  await server.start();
+  servers.push(server);
+  return server;
+}
+process.on("exit", () => {
+  for (const { child } of servers) child.kill("SIGKILL");
+});
+
+const OBJECTS = ["mug", "hammer", "gear", "hand"];
+const TOUCHES = 7;
+let server;
+let session;
+await step("a server with four objects and a session", async () => {
+  server = await serve("truth");
+  for (const name of OBJECTS) server.palpate("objects", "add", name, "--mesh", `${FOLDER}/meshes/${name}.stl`);
+  server.palpate("train", "--readings-per-object", 100);
+  server.touch("mug", TOUCHES, 5);
+  session = (await server.json("/v1/fleet")).sessions[0].session.id;
+});
+
+const says = (at, pattern, timeout = 60_000) => at.locator(".view-head .live").filter({ hasText: pattern }).waitFor({ timeout });
+
+for (const path of ["fleet", "session"]) {
+  await step(`a frozen server is not live, and is again afterwards: ${path}`, async () => {
+    await page.goto(`${server.address}/?${path}#/${path === "fleet" ? path : `sessions/${session}`}`);
+    await says(page, /^live$/);
+    await page.waitForTimeout(500);
+    server.freeze();
+    await says(page, /^last heard \d+ s ago$/, 20_000);
+    await checkAxe(page, `a silent ${path}`);
+    await shot(`silent-${path}`);
+    server.thaw();
+    await says(page, /^live$/);
+  });
+}
+
+await step("a stream without keep-alives is opened anew", async () => {
+  const page = await context.newPage();
+  // Its bytes are lost, the server answers everything else: a network that forgot the connection.
+  await page.addInitScript(() => {
+    const real = window.fetch;
+    window.streams = 0;
+    window.fetch = async (path, init) => {
+      if (!String(path).endsWith("/events")) return real(path, init);
+      window.streams += 1;
+      if (window.streams > 1) return real(path, init);
+      const body = new ReadableStream({
+        start: (controller) => init.signal.addEventListener("abort", () => controller.error(init.signal.reason)),
+      });
+      return new Response(body, { headers: { "content-type": "text/event-stream" } });
+    };
+  });
+  await page.goto(`${server.address}/?lost#/sessions/${session}`);
+  await says(page, /^last heard \d+ s ago$/);
+  await page.waitForFunction(() => window.streams === 2, undefined, { timeout: 45_000 });
+  await says(page, /^live$/);
+  await page.close();
+});
+
+await step("a request that is not answered ends", async () => {
+  const page = await context.newPage();
+  await page.clock.install();
+  await page.goto(`${server.address}/?late#/models`);
+  await page.locator("tbody tr").first().waitFor();
+  await page.route("**/v1/sensors*", () => {});
+  await page.evaluate(() => (location.hash = "#/sensors"));
+  await page.locator(".skeleton").first().waitFor();
+  await page.clock.runFor(31_000);
+  await page.getByRole("alert").filter({ hasText: "no answer within 30 s" }).waitFor();
+  await page.unroute("**/v1/sensors*");
+  await page.clock.runFor(4000);
+  await page.getByText("No sensors").or(page.locator("tbody tr")).first().waitFor();
+  await page.close();
+});
+
+const VIEWS = [
+  ["fleet", ".fleet-row"],
+  [() => `sessions/${session}`, '.stage[data-state="ready"]'],
+  ["objects", ".card"],
+  ["models", "tbody tr"],
+  ["jobs", "tbody tr"],
+  ["health", ".stat"],
+];
+for (const [at, sign] of VIEWS) {
+  const path = typeof at === "string" ? at : at();
+  await step(`opened without a server, it recovers by itself: ${path.split("/")[0]}`, async () => {
+    // The frame of the page is there; the server goes before the view is opened.
+    await page.goto(`${server.address}/?away-${path}#/sensors`);
+    await page.getByRole("heading", { name: "Sensors", exact: true }).waitFor();
+    await page.waitForTimeout(500);
+    await server.stop();
+    await page.evaluate((hash) => (location.hash = hash), `#/${path}`);
+    await page.getByRole("alert").first().waitFor();
+    assert.doesNotMatch(await page.getByRole("alert").first().textContent(), /503/, "no status that no server gave");
+    await shot(`away-${path.split("/")[0]}`);
+    await server.start();
+    await page.locator(sign).first().waitFor({ timeout: 30_000 });
+    await page.waitForFunction(() => document.querySelector("[role=alert]") === null, undefined, { timeout: 30_000 });
+  });
+}
+
+await browser.close();
+console.log("what the page says is so");
+process.exit(0);
