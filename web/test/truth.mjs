@@ -168,6 +168,32 @@ for (const [at, sign] of VIEWS) {
   });
 }
 
+await step("a belief is shown under its own revision", async () => {
+  const route = "**/belief?at=*";
+  await page.goto(`${server.address}/?revision#/sessions/${session}`);
+  await says(page, /^live$/);
+  await page.locator('.stage[data-state="ready"]').waitFor();
+  const panel = page.getByRole("region", { name: "Belief", exact: true });
+  const readings = (n) => panel.locator("dd").filter({ hasText: new RegExp(`^${n} readings?$`) });
+  await readings(TOUCHES).waitFor();
+  // The answer is lost at first, then comes without anybody asking again.
+  await page.route(route, (asked) => asked.abort());
+  await page.getByRole("slider", { name: "Revision" }).focus();
+  await page.keyboard.press("Home");
+  await page.keyboard.press("ArrowRight");
+  await panel.getByText(`still revision ${TOUCHES}`).waitFor();
+  await panel.getByText("revision 1 is loading").waitFor();
+  await readings(TOUCHES).waitFor();
+  assert.equal(await panel.getByText("as of revision 1").count(), 0);
+  assert.ok((await page.locator(".stale").count()) >= 2, "belief and pose are faded");
+  await page.waitForTimeout(300);
+  await shot("stale");
+  await page.unroute(route);
+  await panel.getByText("as of revision 1").waitFor();
+  await readings(1).waitFor();
+  await page.waitForFunction(() => document.querySelector(".stale") === null && document.querySelector("[role=alert]") === null);
+});
+
 await browser.close();
 console.log("what the page says is so");
 process.exit(0);
