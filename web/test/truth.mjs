@@ -194,6 +194,37 @@ await step("a belief is shown under its own revision", async () => {
   await page.waitForFunction(() => document.querySelector(".stale") === null && document.querySelector("[role=alert]") === null);
 });
 
+await step("the training dialog is searched, and chooses all or none", async () => {
+  await page.goto(`${server.address}/?train#/objects`);
+  await page.getByRole("button", { name: "Train …" }).click();
+  const dialog = page.getByRole("dialog");
+  const chosen = (n) => dialog.getByText(`${n} of ${OBJECTS.length}`).waitFor();
+  await chosen(`${OBJECTS.length} objects`);
+  await dialog.getByRole("button", { name: "None", exact: true }).click();
+  await chosen("0 objects");
+  assert.ok(await dialog.getByRole("button", { name: "Start training" }).isDisabled());
+  await dialog.getByRole("searchbox", { name: "Search objects" }).fill("HA");
+  assert.deepEqual(await dialog.locator(".train-objects label").allTextContents(), ["hammer", "hand"]);
+  await dialog.getByRole("button", { name: "All 2 found" }).click();
+  await dialog.getByLabel("hand").uncheck();
+  await checkAxe(page, "the training dialog");
+  await shot("train");
+  await dialog.getByRole("searchbox").press("Enter");
+  await dialog.getByRole("searchbox").fill("");
+  await chosen("1 object");
+  assert.deepEqual(await dialog.locator(".train-objects label").evaluateAll((all) => all.filter((one) => one.control.checked).map((one) => one.textContent)), ["hammer"]);
+  let sent;
+  await page.route("**/trainings", (asked) => {
+    sent = asked.request().postDataJSON();
+    return asked.abort();
+  });
+  await dialog.getByRole("button", { name: "Start training" }).click();
+  await dialog.getByRole("alert").waitFor();
+  const ids = new Map((await server.json("/v1/objects")).items.map(({ name, id }) => [name, id]));
+  assert.deepEqual(sent.objects, [ids.get("hammer")]);
+  await page.unroute("**/trainings");
+});
+
 await browser.close();
 console.log("what the page says is so");
 process.exit(0);
