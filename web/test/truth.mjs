@@ -225,6 +225,65 @@ await step("the training dialog is searched, and chooses all or none", async () 
   await page.unroute("**/trainings");
 });
 
+const ROLES = {
+  admin: { views: ["Fleet", "Objects", "Models", "Jobs", "Sensors", "Keys", "Health"], train: true, close: true },
+  trainer: { views: ["Fleet", "Objects", "Models", "Jobs", "Sensors", "Health"], train: true, close: false },
+  viewer: { views: ["Fleet", "Objects", "Models", "Jobs", "Sensors", "Health"], train: false, close: false },
+  robot: { views: ["Models", "Sensors"], train: false, close: true },
+};
+let guarded;
+await step("a server that asks for keys, with one for each role", async () => {
+  await server.stop();
+  server.options.push("--access", "keys");
+  await server.start();
+  guarded = server;
+  guarded.key = execFileSync("cat", [guarded.said.admin_key_file]).toString().trim();
+  for (const role of Object.keys(ROLES)) {
+    const made = await fetch(`${guarded.address}/v1/keys`, {
+      method: "POST",
+      headers: { authorization: `Bearer ${guarded.key}`, "content-type": "application/json" },
+      body: JSON.stringify({ name: `one-${role}`, role }),
+    });
+    ROLES[role].secret = (await made.json()).secret;
+  }
+});
+
+for (const [role, { views, train, close, secret }] of Object.entries(ROLES)) {
+  await step(`who has the role ${role} is offered what it may do`, async () => {
+    const page = await context.newPage();
+    const denied = [];
+    page.on("response", (answer) => answer.status() === 403 && denied.push(answer.url()));
+    await page.addInitScript((key) => sessionStorage.setItem("palpate.key", key), secret);
+    const visit = async (path, name) => {
+      await page.goto(`${guarded.address}/?${role}-${path}#/${path}`);
+      await page.getByText(`one-${role}`).first().waitFor();
+      if (name) await page.getByRole("heading", { name, exact: true, level: 1 }).waitFor();
+      await page.waitForTimeout(300);
+    };
+    await visit("models", "Models");
+    await page.locator("tbody tr").first().waitFor();
+    assert.deepEqual(await page.getByRole("navigation").getByRole("link").allTextContents(), views);
+    for (const name of ROLES.admin.views.filter((name) => !views.includes(name))) {
+      await visit(name.toLowerCase(), name);
+      await page.getByText(/^Needs the role/).waitFor();
+      assert.equal(await page.locator("main button").count(), 0);
+    }
+    await visit("keys", "Keys");
+    assert.equal(await page.getByRole("button", { name: "New key …" }).count(), role === "admin" ? 1 : 0);
+    if (views.includes("Objects")) {
+      await visit("objects", "Objects");
+      await page.locator(".card").first().waitFor();
+      assert.equal(await page.getByRole("button", { name: "Train …" }).count(), train ? 1 : 0);
+      assert.equal(await page.locator(".drop").count(), train ? 1 : 0);
+    }
+    await visit(`sessions/${session}`);
+    await page.locator(".explain").waitFor();
+    assert.equal(await page.getByRole("button", { name: "Close session" }).count(), close ? 1 : 0);
+    assert.deepEqual(denied.filter((url) => !/\/v1\/objects\//.test(url)), [], "nothing is asked for that is refused");
+    await page.close();
+  });
+}
+
 await browser.close();
 console.log("what the page says is so");
 process.exit(0);
