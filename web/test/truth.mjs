@@ -225,6 +225,43 @@ await step("the training dialog is searched, and chooses all or none", async () 
   await page.unroute("**/trainings");
 });
 
+await step("an object has one colour on every page and in every order", async () => {
+  const colorsOf = (rows, name, dot, property) =>
+    page.locator(rows).evaluateAll((all, [name, dot, property]) => Object.fromEntries(all.map((one) => [
+      (name ? one.querySelector(name) : one).textContent.trim(), getComputedStyle(one.querySelector(dot))[property],
+    ])), [name, dot, property]);
+  await page.goto(`${server.address}/?colours#/objects`);
+  await page.locator(".card").nth(3).waitFor();
+  await page.waitForTimeout(700);
+  const cards = await colorsOf(".card", "a", ".dot", "backgroundColor");
+  assert.deepEqual(Object.keys(cards).sort(), [...OBJECTS].sort());
+  assert.equal(new Set(Object.values(cards)).size, OBJECTS.length, "each object has its own");
+  const same = async (where, rows, name, dot, property) => {
+    const found = await colorsOf(rows, name, dot, property);
+    const known = Object.keys(found).filter((one) => one in cards);
+    assert.ok(known.length >= 2, `${where} shows objects: ${Object.keys(found)}`);
+    for (const one of known) assert.equal(found[one], cards[one], `${one} in ${where}`);
+    if (found["none of these"]) assert.ok(!Object.values(cards).includes(found["none of these"]));
+  };
+  await page.goto(`${server.address}/?colours#/fleet`);
+  await page.locator(".fleet-row .bar").first().waitFor();
+  await page.waitForTimeout(700);
+  await same("the fleet", ".fleet-row .bar", ".bar-name", "rect", "fill");
+  await page.goto(`${server.address}/?colours#/sessions/${session}`);
+  await page.locator(".panel-posterior .legend li").first().waitFor();
+  for (const at of ["End", "Home"]) {
+    await page.getByRole("slider", { name: "Revision" }).press(at);
+    await page.waitForFunction(() => document.querySelector(".stale") === null);
+    await same(`bars at ${at}`, ".session .bar", ".bar-name", "rect", "fill");
+    await same(`the chart at ${at}`, ".panel-posterior figure:first-of-type .legend li", "", "line", "stroke");
+  }
+  await page.getByRole("slider", { name: "Revision" }).press("ArrowRight");
+  await page.getByText("as of revision 1").waitFor();
+  const ghosts = await page.locator(".layers .key:has(.dot)").evaluateAll((all) => all.map((one) => [one.textContent.trim().split(" ")[0], getComputedStyle(one.querySelector(".dot")).backgroundColor]));
+  for (const [name, color] of ghosts) assert.equal(color, cards[name], `${name} as a ghost`);
+  await shot("colours");
+});
+
 const ROLES = {
   admin: { views: ["Fleet", "Objects", "Models", "Jobs", "Sensors", "Keys", "Health"], train: true, close: true },
   trainer: { views: ["Fleet", "Objects", "Models", "Jobs", "Sensors", "Health"], train: true, close: false },

@@ -1,8 +1,9 @@
 // The gallery: all objects with pictures, a drop zone for meshes, and the training dialog.
-import { useState } from "preact/hooks";
+import { useEffect, useState } from "preact/hooks";
 import { getAll, getJson, ProblemError } from "../api/http";
 import { useResource } from "../api/resource";
 import type { AppearanceReport, Catalogue, ObjectInfo } from "../api/types";
+import { nameColors } from "../colors";
 import { percent, plural } from "../format";
 import { Empty, Show } from "../parts/Notes";
 import { ViewHead } from "../parts/Panel";
@@ -17,6 +18,9 @@ export function ObjectsView() {
   const objects = useResource("objects", (signal) => getAll<ObjectInfo>("/v1/objects", 5000, signal));
   const twins = useResource("twins", nearDuplicates);
   const [training, setTraining] = useState(false);
+  useEffect(() => {
+    if (objects.data) nameColors(objects.data);
+  }, [objects.data]);
   const trainable = objects.data?.filter((object) => object.mesh || object.n_readings > 0) ?? [];
   return (
     <>

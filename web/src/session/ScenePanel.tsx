@@ -2,7 +2,8 @@
 import { useEffect, useMemo, useState } from "preact/hooks";
 import { persist } from "../api/resource";
 import type { NextTouch } from "../api/types";
-import { dark, mm, percent, seriesColor, signedBits } from "../format";
+import { colorsVersion, objectColor } from "../colors";
+import { dark, mm, percent, signedBits } from "../format";
 import { Badge, Panel } from "../parts/Panel";
 import type { Shape } from "../scene/content";
 import { Stage3D } from "../scene/Stage3D";
@@ -22,9 +23,10 @@ export function ScenePanel(props: { model: SessionModel; selected: number | unde
   const by = model.coloring.value;
   const sensors = model.sensors.value;
   const isDark = dark.value;
+  const colors = colorsVersion();
   const content = useMemo(
     () => contentOf({ belief, revision, readings, tints, sensors, shapes, selected, next, ghosts }),
-    [belief, revision, readings, tints, sensors, shapes, selected, next, ghosts, isDark],
+    [belief, revision, readings, tints, sensors, shapes, selected, next, ghosts, isDark, colors],
   );
   const isEmpty = belief !== undefined && belief.poses.length === 0 && content.touches.length === 0;
   const best = belief?.poses[0];
@@ -60,7 +62,7 @@ export function ScenePanel(props: { model: SessionModel; selected: number | unde
         </span>
         {others.map((pose, place) => (
           <span key={place} class="key">
-            <span class="dot" style={{ background: seriesColor(place + 1) }} aria-hidden="true" />
+            <span class="dot" style={{ background: objectColor(pose.name) }} aria-hidden="true" />
             {pose.name} {percent(pose.weight)}
           </span>
         ))}
