@@ -2,7 +2,8 @@
 import assert from "node:assert/strict";
 import { execFileSync, spawn } from "node:child_process";
 import { once } from "node:events";
-import { checkAxe, open } from "./browser.mjs";
+import { mkdirSync, mkdtempSync, symlinkSync } from "node:fs";
+import { checkAxe, checkWidth, open } from "./browser.mjs";
 
 const { PALPATE, FOLDER, SHOTS } = process.env;
 const { browser, page, errors } = await open();
@@ -260,6 +261,50 @@ await step("an object has one colour on every page and in every order", async ()
   const ghosts = await page.locator(".layers .key:has(.dot)").evaluateAll((all) => all.map((one) => [one.textContent.trim().split(" ")[0], getComputedStyle(one.querySelector(".dot")).backgroundColor]));
   for (const [name, color] of ghosts) assert.equal(color, cards[name], `${name} as a ghost`);
   await shot("colours");
+});
+
+/** Runs what an empty page advises, in a shell of its own. */
+async function runCommands(name) {
+  const lines = await page.locator(".note-empty pre").textContent();
+  execFileSync("bash", ["-euo", "pipefail", "-c", lines], {
+    cwd: mkdtempSync(`${FOLDER}/shell-`),
+    env: { ...process.env, PALPATE_SERVER: "http://127.0.0.1:9", PATH: `${FOLDER}/bin:${process.env.PATH}` },
+    stdio: ["ignore", "ignore", "inherit"],
+    timeout: 120_000,
+  });
+  console.log(`      ${name}: ${lines.split("\n").slice(1).join("; ")}`);
+}
+
+await step("an empty page shows commands that work there and then", async () => {
+  const empty = await serve("empty");
+  mkdirSync(`${FOLDER}/bin`, { recursive: true });
+  symlinkSync(PALPATE, `${FOLDER}/bin/palpate`);
+  for (const [path, sign] of [["objects", ".card"], ["models", "tbody tr"], ["fleet", ".fleet-row"]]) {
+    await page.goto(`${empty.address}/?empty-${path}#/${path}`);
+    await page.locator(".note-empty pre").waitFor();
+    if (path === "fleet") {
+      assert.doesNotMatch(await page.locator(".note-empty pre").textContent(), /train/, "something is trained already");
+    }
+    await shot(`empty-${path}`);
+    await checkAxe(page, `empty ${path}`);
+    await runCommands(path);
+    await page.goto(`${empty.address}/?filled-${path}#/${path}`);
+    await page.locator(sign).first().waitFor();
+  }
+});
+
+await step("the empty fleet of a new server shows the way to a first session", async () => {
+  const fresh = await serve("fresh");
+  await page.goto(`${fresh.address}/?fresh#/fleet`);
+  await page.locator(".note-empty pre").waitFor();
+  await page.setViewportSize({ width: 390, height: 800 });
+  await page.emulateMedia({ colorScheme: "dark" });
+  await checkWidth(page, "the empty fleet");
+  await shot("empty-narrow");
+  await page.setViewportSize({ width: 1280, height: 900 });
+  await page.emulateMedia({ colorScheme: "light" });
+  await runCommands("fleet");
+  await page.locator(".fleet-row").first().waitFor();
 });
 
 const ROLES = {

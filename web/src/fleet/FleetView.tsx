@@ -3,6 +3,7 @@ import { useEffect, useRef } from "preact/hooks";
 import { announce } from "../announce";
 import { NO_LINE } from "../api/pulse";
 import { now, percent, plural } from "../format";
+import { TouchCommands } from "../parts/Commands";
 import { Empty, Loading, ProblemNote } from "../parts/Notes";
 import { Live } from "../parts/Live";
 import { ViewHead } from "../parts/Panel";
@@ -58,8 +59,8 @@ export function FleetView() {
 function NoSessions() {
   return (
     <Empty title="No open sessions">
-      <p>A robot opens one with <code>POST /v1/sessions</code>. To see one without a robot:</p>
-      <pre>palpate touch --object mug --mesh mug.stl --pace 500</pre>
+      <p>A robot opens one with <code>POST /v1/sessions</code>. A simulated one is started by:</p>
+      <TouchCommands />
     </Empty>
   );
 }

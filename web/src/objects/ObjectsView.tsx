@@ -5,6 +5,7 @@ import { useResource } from "../api/resource";
 import type { AppearanceReport, Catalogue, ObjectInfo } from "../api/types";
 import { nameColors } from "../colors";
 import { percent, plural } from "../format";
+import { ADD_EXAMPLE, Commands } from "../parts/Commands";
 import { Empty, Show } from "../parts/Notes";
 import { ViewHead } from "../parts/Panel";
 import { link } from "../router";
@@ -46,8 +47,8 @@ export function ObjectsView() {
         {(found) =>
           found.length === 0 ? (
             <Empty title="No objects yet">
-              <p>Drop a mesh above, or post a robot’s training readings.</p>
-              <pre>palpate objects add mug --mesh mug.stl</pre>
+              {may("trainer", "admin") && <p>Drop a mesh above, post a robot’s training readings, or add an example:</p>}
+              <Commands lines={ADD_EXAMPLE} roles={["trainer", "admin"]} />
             </Empty>
           ) : (
             <ul class="gallery">
