@@ -47,6 +47,7 @@ export default defineConfig({
   server: {
     proxy: {
       "/v1": proxy,
+      "/livez": proxy,
       "/readyz": proxy,
       "/version": proxy,
       "/metrics": proxy,

@@ -10,12 +10,12 @@ import { ModelsView } from "./models/ModelsView";
 import { VersionView } from "./models/VersionView";
 import { ObjectsView } from "./objects/ObjectsView";
 import { ObjectView } from "./objects/ObjectView";
-import { Empty } from "./parts/Notes";
+import { Empty, Loading } from "./parts/Notes";
 import { link, route } from "./router";
 import { SensorsView } from "./sensors/SensorsView";
 import { SensorView } from "./sensors/SensorView";
 import { SessionView } from "./session/SessionView";
-import { SignIn, Who } from "./signin";
+import { maySee, NotPermitted, SignIn, Who, who, whoAsked } from "./signin";
 
 const VIEWS: [path: string, name: string][] = [
   ["fleet", "Fleet"],
@@ -39,9 +39,9 @@ export function App() {
           <img src="/assets/icon.svg" width="26" height="26" alt="" />
           <span>Palpate</span>
         </a>
-        <nav aria-label="Views">
+        <nav aria-label="Views" class={!whoAsked.value ? "nav-unknown" : ""}>
           <ul>
-            {VIEWS.map(([path, name]) => (
+            {VIEWS.filter(([path]) => who.value === undefined || maySee(path)).map(([path, name]) => (
               <li key={path}>
                 <a href={link(path)} {...(isAt(view, path) ? { "aria-current": "page" } : {})}>
                   {name}
@@ -78,13 +78,15 @@ function Main() {
   }, [path]);
   return (
     <main ref={main} id="main" tabIndex={-1}>
-      {keyWanted.value ? <SignIn /> : <View key={path} />}
+      {keyWanted.value ? <SignIn /> : whoAsked.value ? <View key={path} /> : <Loading what="the page" lines={6} />}
     </main>
   );
 }
 
 function View() {
   const [view = "fleet", id, part] = route.value;
+  const name = VIEWS.find(([path]) => path === view)?.[1];
+  if (who.value !== undefined && name !== undefined && !maySee(view)) return <NotPermitted view={view} name={name} />;
   switch (view) {
     case "fleet":
       return <FleetView />;

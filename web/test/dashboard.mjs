@@ -200,6 +200,8 @@ await step("who needs somebody comes first: a thing that nobody has taught", asy
   await page.waitForFunction(() => document.querySelectorAll(".fleet-row").length === 3);
   await page.waitForFunction(() => document.querySelector(".fleet-row").classList.contains("level-surprising"));
   await page.waitForTimeout(400);
+  const grey = await page.locator(".bar-unknown").evaluateAll((all) => [...new Set(all.map((one) => getComputedStyle(one).fill))]);
+  assert.equal(grey.length, 1, `"none of these" has no object's colour, also in the lead: ${grey}`);
   await shot("fleet");
 });
 

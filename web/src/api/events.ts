@@ -1,5 +1,9 @@
 // Server-sent events over fetch, because EventSource cannot send a header.
 import { ask, ProblemError } from "./http";
+import { heard, NO_LINE, type Line } from "./pulse";
+
+/** Two missed keep-alives: the stream is broken, even if the network has not noticed. */
+const BROKEN_MS = 32_000;
 
 /** One event of a stream. */
 export interface StreamEvent {
@@ -7,36 +11,48 @@ export interface StreamEvent {
   data: string;
 }
 
-/** Follows a stream until `signal` aborts or it ends for good; reopens broken streams. */
+/** Follows a stream until `signal` aborts or it ends for good; reopens broken and silent streams. */
 export async function follow(
   path: string,
   signal: AbortSignal,
   onEvent: (event: StreamEvent) => boolean | void,
-  onState: (connected: boolean) => void = () => {},
+  onLine: (line: Line) => void = () => {},
 ): Promise<void> {
   for (let attempt = 0; !signal.aborted; attempt += 1) {
+    const silent = new AbortController();
+    let watchdog = setTimeout(() => silent.abort(), BROKEN_MS);
+    const onBytes = () => {
+      clearTimeout(watchdog);
+      watchdog = setTimeout(() => silent.abort(), BROKEN_MS);
+      heard();
+      onLine({ open: true, heardAt: Date.now() });
+    };
     try {
-      const response = await ask(path, { signal, headers: { accept: "text/event-stream" } });
-      onState(true);
+      const either = AbortSignal.any([signal, silent.signal]);
+      const response = await ask(path, { signal: either, headers: { accept: "text/event-stream" } });
+      onBytes();
       attempt = 0;
-      if (await read(response, onEvent)) return;
+      if (await read(response, onEvent, onBytes)) return;
     } catch (error) {
       if (signal.aborted) return;
       if (error instanceof ProblemError && [401, 403, 404, 422].includes(error.status)) throw error;
+    } finally {
+      clearTimeout(watchdog);
     }
-    onState(false);
-    await pause(Math.min(10_000, 500 * 2 ** attempt), signal);
+    onLine(NO_LINE);
+    await pause(Math.min(5000, 500 * 2 ** attempt), signal);
   }
 }
 
 /** Reads a stream; returns true if the reader has finished. */
-async function read(response: Response, onEvent: (event: StreamEvent) => boolean | void) {
+async function read(response: Response, onEvent: (event: StreamEvent) => boolean | void, onBytes: () => void) {
   const reader = response.body?.pipeThrough(new TextDecoderStream()).getReader();
   if (reader === undefined) return false;
   let rest = "";
   for (;;) {
     const { done, value } = await reader.read();
     if (done) return false;
+    onBytes();
     const blocks = (rest + value).split(/\r?\n\r?\n/);
     rest = blocks.pop() ?? "";
     for (const block of blocks) {
@@ -60,7 +76,8 @@ export function parse(block: string): StreamEvent | null {
   return data.length === 0 ? null : { name, data: data.join("\n") };
 }
 
-function pause(milliseconds: number, signal: AbortSignal): Promise<void> {
+/** Resolves after a while, or when `signal` aborts. */
+export function pause(milliseconds: number, signal: AbortSignal): Promise<void> {
   return new Promise((resolve) => {
     const timer = setTimeout(resolve, milliseconds);
     signal.addEventListener("abort", () => (clearTimeout(timer), resolve()), { once: true });

@@ -1,8 +1,13 @@
 // Requests to the server: the key goes in a header, never in a URL; problems become errors.
 import { signal } from "@preact/signals";
+import { heard } from "./pulse";
 import type { Page, Problem } from "./types";
 
 const STORED_KEY = "palpate.key";
+/** Time limits: until an answer begins, until a JSON answer is complete, and for sending a file. */
+const ANSWER_MS = 30_000;
+const JSON_MS = 60_000;
+const FILE_MS = 600_000;
 
 /** API key of this tab; empty without one. */
 export const apiKey = signal(sessionStorage.getItem(STORED_KEY) ?? "");
@@ -33,27 +38,40 @@ export function authorization(key = apiKey.value): Record<string, string> {
   return key === "" ? {} : { authorization: `Bearer ${key}` };
 }
 
-/** Sends a request; throws a `ProblemError` unless it succeeds. */
-export async function ask(path: string, init: RequestInit = {}): Promise<Response> {
+/** Sends a request; throws a `ProblemError` unless an answer begins in time and is a success. */
+export async function ask(path: string, init: RequestInit = {}, timeoutMs = timeoutOf(init)): Promise<Response> {
   const sent = apiKey.value;
+  const late = new AbortController();
+  const timer = setTimeout(() => late.abort(), timeoutMs);
   let response: Response;
   try {
     response = await fetch(path, {
       ...init,
+      signal: init.signal ? AbortSignal.any([init.signal, late.signal]) : late.signal,
       headers: { ...authorization(sent), ...(init.headers as Record<string, string>) },
     });
   } catch (error) {
-    if (error instanceof DOMException && error.name === "AbortError") throw error;
-    throw new ProblemError(unreachable(path));
+    if (init.signal?.aborted) throw error;
+    throw new ProblemError(late.signal.aborted ? tooLate(path, timeoutMs) : unreachable(path));
+  } finally {
+    clearTimeout(timer);
   }
+  if (!isGateway(response.status)) heard();
   if (response.ok) return response;
   if (response.status === 401 && sent === apiKey.value) keyWanted.value = true;
   throw new ProblemError(await problemOf(response, path));
 }
 
-export async function getJson<T>(path: string, signal?: AbortSignal): Promise<T> {
-  const response = await ask(path, signal === undefined ? {} : { signal });
-  return (await response.json()) as T;
+/** Gets JSON; the whole answer must arrive in time. */
+export async function getJson<T>(path: string, signal?: AbortSignal, timeoutMs = ANSWER_MS): Promise<T> {
+  const late = AbortSignal.timeout(Math.max(timeoutMs, JSON_MS));
+  try {
+    const response = await ask(path, { signal: signal ? AbortSignal.any([signal, late]) : late }, timeoutMs);
+    return (await response.json()) as T;
+  } catch (error) {
+    if (error instanceof ProblemError || signal?.aborted || error instanceof SyntaxError) throw error;
+    throw new ProblemError(unreachable(path));
+  }
 }
 
 /** Sends JSON; the result is undefined for an empty answer. */
@@ -96,11 +114,32 @@ async function problemOf(response: Response, path: string): Promise<Problem> {
   return { ...unreachable(path), status: response.status, title: `The server answered ${response.status}` };
 }
 
+/** Statuses by which a proxy says that the server behind it is away. */
+function isGateway(status: number): boolean {
+  return status >= 502 && status <= 504;
+}
+
+/** Whether the same request may succeed later: nothing answered, or the server was not ready. */
+export function isPassing(problem: Problem): boolean {
+  return (problem.type === UNREACHABLE && problem.status === 0) || isGateway(problem.status);
+}
+
+function timeoutOf(init: RequestInit): number {
+  return init.body instanceof Blob ? FILE_MS : ANSWER_MS;
+}
+
+function tooLate(path: string, timeoutMs: number): Problem {
+  return { ...unreachable(path), detail: `no answer within ${Math.round(timeoutMs / 1000)} s` };
+}
+
+const UNREACHABLE = "urn:palpate:problem:unavailable";
+
+/** No status: no server gave one. */
 function unreachable(path: string): Problem {
   return {
-    type: "urn:palpate:problem:unavailable",
+    type: UNREACHABLE,
     title: "Server unreachable",
-    status: 503,
+    status: 0,
     detail: "no answer; it may be restarting, or the network may be down",
     instance: path,
     request_id: "",

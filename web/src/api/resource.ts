@@ -1,7 +1,11 @@
 // A loaded resource of a view: loading, loaded or refused, with retry.
 import { useCallback, useEffect, useRef, useState } from "preact/hooks";
-import { apiKey, ProblemError } from "./http";
+import { apiKey, isPassing, ProblemError } from "./http";
+import { pause } from "./events";
 import type { Problem } from "./types";
+
+/** Pause before a request that the server could not answer is repeated. */
+export const RETRY_MS = 3000;
 
 export interface Resource<T> {
   data: T | undefined;
@@ -10,7 +14,8 @@ export interface Resource<T> {
   reload: () => void;
 }
 
-/** Loads when `key` changes and every `everyMs`; a `null` key loads nothing. Old data stays meanwhile. */
+/** Loads when `key` changes, every `everyMs`, and again while the server is away; a `null` key loads
+ * nothing. Old data stays meanwhile. */
 export function useResource<T>(
   key: string | null,
   load: (signal: AbortSignal) => Promise<T>,
@@ -19,6 +24,7 @@ export function useResource<T>(
   const [state, setState] = useState<{ key: string | null; data?: T; problem?: Problem }>({ key });
   const [loading, setLoading] = useState(key !== null);
   const [turn, setTurn] = useState(0);
+  const isBusy = useRef(false);
   const loader = useRef(load);
   loader.current = load;
   const secret = apiKey.value;
@@ -26,25 +32,33 @@ export function useResource<T>(
     if (key === null) return;
     const abort = new AbortController();
     setLoading(true);
+    isBusy.current = true;
+    let retry: ReturnType<typeof setTimeout> | undefined;
     loader.current(abort.signal).then(
       (data) => {
         if (abort.signal.aborted) return;
+        isBusy.current = false;
         setState({ key, data });
         setLoading(false);
       },
       (error: unknown) => {
         if (abort.signal.aborted) return;
+        isBusy.current = false;
         const problem = problemFrom(error);
+        if (isPassing(problem)) retry = setTimeout(() => setTurn((n) => n + 1), RETRY_MS);
         setState((before) => ({ key, data: before.key === key ? before.data : undefined, problem }) as typeof before);
         setLoading(false);
       },
     );
-    return () => abort.abort();
+    return () => {
+      clearTimeout(retry);
+      abort.abort();
+    };
   }, [key, turn, secret]);
   useEffect(() => {
     if (everyMs === undefined || key === null) return;
     const timer = setInterval(() => {
-      if (!document.hidden) setTurn((n) => n + 1);
+      if (!document.hidden && !isBusy.current) setTurn((n) => n + 1);
     }, everyMs);
     return () => clearInterval(timer);
   }, [everyMs, key]);
@@ -56,6 +70,24 @@ export function useResource<T>(
     loading,
     reload,
   };
+}
+
+/** Repeats a request until the server is back; other errors are thrown. */
+export async function persist<T>(
+  request: () => Promise<T>,
+  signal: AbortSignal,
+  onAway: (problem: Problem) => void = () => {},
+): Promise<T> {
+  for (;;) {
+    try {
+      return await request();
+    } catch (error) {
+      const problem = problemFrom(error);
+      if (signal.aborted || !isPassing(problem)) throw error;
+      onAway(problem);
+      await pause(RETRY_MS, signal);
+    }
+  }
 }
 
 /** Converts any error to a problem. */

@@ -1,8 +1,11 @@
 // The fleet: open sessions, those that need attention first.
 import { useEffect, useRef } from "preact/hooks";
 import { announce } from "../announce";
+import { NO_LINE } from "../api/pulse";
 import { now, percent, plural } from "../format";
+import { TouchCommands } from "../parts/Commands";
 import { Empty, Loading, ProblemNote } from "../parts/Notes";
+import { Live } from "../parts/Live";
 import { ViewHead } from "../parts/Panel";
 import { attention, byAttention } from "./attention";
 import { FleetRow } from "./FleetRow";
@@ -11,7 +14,7 @@ import type { Watched } from "./watch";
 
 export function FleetView() {
   useEffect(() => watchFleet(), []);
-  const { sessions, nOpen, loaded, connected, problem } = fleet.value;
+  const { sessions, nOpen, loaded, line, problem } = fleet.value;
   const sorted = [...sessions].sort(byAttention(now.value));
   const nUrgent = sorted.filter((one) => ["surprising", "stuck"].includes(attention(one, now.value).level)).length;
   useAnnouncements(sorted);
@@ -25,9 +28,7 @@ export function FleetView() {
             : "Open sessions, live"
         }
       >
-        <span class={connected && sessions.length > 0 ? "live live-on" : "live"}>
-          {connected && sessions.length > 0 ? "live" : sessions.length > 0 ? "connecting" : "listening"}
-        </span>
+        <Live line={sessions.length > 0 ? line : NO_LINE} idle={sessions.length > 0 ? "connecting" : "listening"} />
       </ViewHead>
       {problem && <ProblemNote problem={problem} />}
       {!loaded && <Loading what="the fleet" lines={6} />}
@@ -58,8 +59,8 @@ export function FleetView() {
 function NoSessions() {
   return (
     <Empty title="No open sessions">
-      <p>A robot opens one with <code>POST /v1/sessions</code>. To see one without a robot:</p>
-      <pre>palpate touch --object mug --mesh mug.stl --pace 500</pre>
+      <p>A robot opens one with <code>POST /v1/sessions</code>. A simulated one is started by:</p>
+      <TouchCommands />
     </Empty>
   );
 }

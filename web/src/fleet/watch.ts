@@ -2,6 +2,7 @@
 import { signal } from "@preact/signals";
 import { follow } from "../api/events";
 import { getJson } from "../api/http";
+import { NO_LINE, type Line } from "../api/pulse";
 import { problemFrom } from "../api/resource";
 import type { Belief, Fleet, FleetSession, Problem, Replay, SessionEvent } from "../api/types";
 
@@ -28,11 +29,12 @@ export interface FleetState {
   sessions: Watched[];
   nOpen: number;
   loaded: boolean;
-  connected: boolean;
+  line: Line;
   problem: Problem | undefined;
 }
 
 const LIST_EVERY_MS = 3000;
+const LIST_TIMEOUT_MS = 10_000;
 /** Maximum wait of the first list for histories. */
 const SETTLE_MS = 1500;
 /** Sessions with more revisions than this start their trace now. */
@@ -42,7 +44,7 @@ export const fleet = signal<FleetState>({
   sessions: [],
   nOpen: 0,
   loaded: false,
-  connected: false,
+  line: NO_LINE,
   problem: undefined,
 });
 
@@ -55,9 +57,13 @@ export function watchFleet(): () => void {
   let clockAhead = 0;
   const asked = new Set<string>();
 
+  let isListing = false;
   const list = async () => {
+    if (isListing) return;
+    isListing = true;
     try {
-      const found = await getJson<Fleet>("/v1/fleet", whole.signal);
+      const found = await getJson<Fleet>("/v1/fleet", whole.signal, LIST_TIMEOUT_MS);
+      isListing = false;
       clockAhead = Date.now() - Date.parse(found.at);
       merge(found, clockAhead);
       const ids = found.sessions.map((one) => one.session.id).sort();
@@ -69,6 +75,8 @@ export function watchFleet(): () => void {
       fleet.value = { ...fleet.value, loaded: true };
     } catch (error) {
       if (!whole.signal.aborted) fleet.value = { ...fleet.value, loaded: true, problem: problemFrom(error) };
+    } finally {
+      isListing = false;
     }
   };
 
@@ -78,11 +86,12 @@ export function watchFleet(): () => void {
     followed = ids.join();
     if (ids.length === 0) return;
     const path = `/v1/events?sessions=${ids.map(encodeURIComponent).join(",")}`;
-    follow(path, stream.signal, (event) => take(JSON.parse(event.data) as SessionEvent), (connected) => {
-      fleet.value = { ...fleet.value, connected };
+    follow(path, stream.signal, (event) => take(JSON.parse(event.data) as SessionEvent), (line) => {
+      fleet.value = { ...fleet.value, line };
     }).catch(() => {
       // The session is gone; the next list omits it.
       followed = "";
+      fleet.value = { ...fleet.value, line: NO_LINE };
     });
   };
 
@@ -95,12 +104,13 @@ export function watchFleet(): () => void {
         const path = `/v1/sessions/${id}/replay?limit=${REPLAY_MAX}&poses=0`;
         remember(id, await getJson<Replay>(path, whole.signal));
       } catch {
-        // Without its history the session is still listed; its page requests it again.
+        // Without its history the session is still listed; the next list requests it again.
+        asked.delete(id);
       }
     }
   };
 
-  fleet.value = { ...fleet.value, loaded: false };
+  fleet.value = { ...fleet.value, loaded: false, line: NO_LINE };
   void list();
   const timer = setInterval(() => {
     if (!document.hidden) void list();

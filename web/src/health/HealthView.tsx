@@ -4,6 +4,7 @@ import { useResource } from "../api/resource";
 import type { Readiness, Storage, Version } from "../api/types";
 import { bytes, count } from "../format";
 import { Show } from "../parts/Notes";
+import { who } from "../signin";
 import { Badge, Panel, ViewHead } from "../parts/Panel";
 import { StorageTables } from "./Storage";
 import { parseMetrics, quantile, total, type Sample } from "./metrics";
@@ -28,7 +29,7 @@ export function HealthView() {
             {(found) => <Checks checks={found.checks} />}
           </Show>
         </Panel>
-        <Panel title="Metrics" class="panel-figures" aside={<a href="/metrics">all metrics</a>}>
+        <Panel title="Metrics" class="panel-figures" aside={who.value?.keys_required ? "" : <a href="/metrics">all metrics</a>}>
           <Show of={metrics} what="the metrics" lines={5}>
             {(samples) => <Figures samples={samples} />}
           </Show>

@@ -4,6 +4,7 @@ import { useResource } from "../api/resource";
 import type { Job } from "../api/types";
 import { duration, plural, when } from "../format";
 import { isFinal, useJob } from "../objects/TrainingNow";
+import { TrainCommands } from "../parts/Commands";
 import { Empty, ProblemNote, Show } from "../parts/Notes";
 import { Badge, Panel, ViewHead } from "../parts/Panel";
 import { Progress } from "../parts/Progress";
@@ -22,7 +23,8 @@ export function JobsView() {
         {(found) =>
           found.length === 0 ? (
             <Empty title="No trainings yet">
-              <a href={link("objects")}>Start one on the Objects page</a>
+              {may("trainer", "admin") && <p><a href={link("objects")}>Start one on the Objects page</a>, or:</p>}
+              <TrainCommands />
             </Empty>
           ) : (
             <>

@@ -3,6 +3,7 @@ import { getAll, getJson, sendJson } from "../api/http";
 import { useResource } from "../api/resource";
 import type { Catalogue, CatalogueVersion } from "../api/types";
 import { count, plural, when } from "../format";
+import { TrainCommands } from "../parts/Commands";
 import { Empty, ProblemNote, Show } from "../parts/Notes";
 import { Badge, Panel, ViewHead } from "../parts/Panel";
 import { useAction } from "../parts/useAction";
@@ -18,7 +19,8 @@ export function ModelsView() {
         {(found) =>
           found.length === 0 ? (
             <Empty title="No trained versions yet">
-              <a href={link("objects")}>Add and train objects</a>
+              {may("trainer", "admin") && <p><a href={link("objects")}>Add and train objects</a>, or:</p>}
+              <TrainCommands />
             </Empty>
           ) : (
             <>

@@ -1,8 +1,10 @@
 // One object of the gallery, with a picture of its mesh drawn when it scrolls into view.
 import { useEffect, useRef, useState } from "preact/hooks";
 import type { ObjectInfo } from "../api/types";
+import { objectColor } from "../colors";
 import { bytes, dark, plural } from "../format";
 import { link } from "../router";
+import { loadScene } from "../scene/load";
 import { meshOf } from "../session/shapes";
 
 /** Larger meshes have no picture in the gallery. */
@@ -14,7 +16,7 @@ export function ObjectCard({ object }: { object: ObjectInfo }) {
     <li class="card">
       {mesh && mesh.bytes <= PICTURE_BYTES_MAX ? <Picture object={object} /> : <div class="no-picture">{mesh ? "large mesh" : "no mesh"}</div>}
       <div class="card-text">
-        <a href={link("objects", object.name)}>{object.name}</a>
+        <span class="key"><span class="dot" style={{ background: objectColor(object.name) }} aria-hidden="true" /><a href={link("objects", object.name)}>{object.name}</a></span>
         <span class="faint">
           {mesh ? `${mesh.format.toUpperCase()} in ${mesh.unit}, ${bytes(mesh.bytes)}` : "taught by touch"}
         </span>
@@ -40,7 +42,7 @@ function Picture({ object }: { object: ObjectInfo }) {
     let gone = false;
     const draw = async () => {
       const shape = await meshOf(object, [0, 0, 0], `picture/${object.mesh!.hash}/${object.mesh!.unit}`);
-      const { picture } = await import("../scene/scene");
+      const { picture } = await loadScene();
       if (!gone && canvas.current) picture(shape, canvas.current);
     };
     draw().catch(() => {

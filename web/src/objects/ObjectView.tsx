@@ -3,6 +3,7 @@ import { useMemo, useState } from "preact/hooks";
 import { getAll, getJson, sendJson } from "../api/http";
 import { useResource } from "../api/resource";
 import type { Catalogue, CatalogueVersion, MapPatch, ObjectInfo } from "../api/types";
+import { objectColor } from "../colors";
 import { bytes, classColor, count, dark, plural, symmetryWords, when } from "../format";
 import { ProblemNote, Show } from "../parts/Notes";
 import { Facts, Panel, ViewHead } from "../parts/Panel";
@@ -38,7 +39,7 @@ function Found({ object, reload }: { object: ObjectInfo; reload: () => void }) {
   const action = useAction();
   return (
     <>
-      <ViewHead title={object.name} sub={object.description || (object.n_readings > 0 ? "Taught by touch" : "Taught by its mesh")}>
+      <ViewHead title={<><span class="dot" style={{ background: objectColor(object.name) }} aria-hidden="true" /> {object.name}</>} sub={object.description || (object.n_readings > 0 ? "Taught by touch" : "Taught by its mesh")}>
         {versions.data && versions.data.length > 1 && (
           <select aria-label="Version" value={version ? key(version) : ""} onChange={(event) => choose(event.currentTarget.value)}>
             {versions.data.map((one) => (

@@ -1,9 +1,11 @@
 // The gallery: all objects with pictures, a drop zone for meshes, and the training dialog.
-import { useState } from "preact/hooks";
+import { useEffect, useState } from "preact/hooks";
 import { getAll, getJson, ProblemError } from "../api/http";
 import { useResource } from "../api/resource";
 import type { AppearanceReport, Catalogue, ObjectInfo } from "../api/types";
+import { nameColors } from "../colors";
 import { percent, plural } from "../format";
+import { ADD_EXAMPLE, Commands } from "../parts/Commands";
 import { Empty, Show } from "../parts/Notes";
 import { ViewHead } from "../parts/Panel";
 import { link } from "../router";
@@ -17,6 +19,9 @@ export function ObjectsView() {
   const objects = useResource("objects", (signal) => getAll<ObjectInfo>("/v1/objects", 5000, signal));
   const twins = useResource("twins", nearDuplicates);
   const [training, setTraining] = useState(false);
+  useEffect(() => {
+    if (objects.data) nameColors(objects.data);
+  }, [objects.data]);
   const trainable = objects.data?.filter((object) => object.mesh || object.n_readings > 0) ?? [];
   return (
     <>
@@ -42,8 +47,8 @@ export function ObjectsView() {
         {(found) =>
           found.length === 0 ? (
             <Empty title="No objects yet">
-              <p>Drop a mesh above, or post a robot’s training readings.</p>
-              <pre>palpate objects add mug --mesh mug.stl</pre>
+              {may("trainer", "admin") && <p>Drop a mesh above, post a robot’s training readings, or add an example:</p>}
+              <Commands lines={ADD_EXAMPLE} roles={["trainer", "admin"]} />
             </Empty>
           ) : (
             <ul class="gallery">

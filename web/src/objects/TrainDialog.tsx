@@ -2,10 +2,10 @@
 import { useState } from "preact/hooks";
 import { sendJson } from "../api/http";
 import type { Job, ObjectInfo, StartTraining } from "../api/types";
-import { plural } from "../format";
 import { Dialog } from "../parts/Dialog";
 import { ProblemNote } from "../parts/Notes";
 import { useAction } from "../parts/useAction";
+import { ObjectChoice } from "./ObjectChoice";
 import { startedJobs } from "./TrainingNow";
 
 export function TrainDialog({ objects, onClose }: { objects: ObjectInfo[]; onClose: () => void }) {
@@ -17,11 +17,6 @@ export function TrainDialog({ objects, onClose }: { objects: ObjectInfo[]; onClo
   const [geometry, setGeometry] = useState<"none" | "planar" | "solid">("none");
   const [activate, setActivate] = useState(true);
   const action = useAction();
-  const toggle = (id: string) => {
-    const next = new Set(chosen);
-    if (!next.delete(id)) next.add(id);
-    setChosen(next);
-  };
   const submit = (event: Event) => {
     event.preventDefault();
     action.run(async () => {
@@ -57,15 +52,7 @@ export function TrainDialog({ objects, onClose }: { objects: ObjectInfo[]; onClo
             onInput={(event) => setReadings(event.currentTarget.valueAsNumber)} />
           <span class="hint">Objects with a robot’s touches are trained from those.</span>
         </div>
-        <fieldset class="train-objects">
-          <legend>{plural(chosen.size, "object")} of {objects.length}</legend>
-          {objects.map((object) => (
-            <label key={object.id}>
-              <input type="checkbox" checked={chosen.has(object.id)} onChange={() => toggle(object.id)} />
-              {object.name}
-            </label>
-          ))}
-        </fieldset>
+        <ObjectChoice objects={objects} chosen={chosen} onChange={setChosen} />
         <fieldset>
           <legend>Contact maps</legend>
           {(["none", "planar", "solid"] as const).map((kind) => (

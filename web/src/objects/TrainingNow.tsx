@@ -4,10 +4,12 @@ import { useEffect, useState } from "preact/hooks";
 import { announce } from "../announce";
 import { follow } from "../api/events";
 import { getAll, sendJson } from "../api/http";
+import { persist } from "../api/resource";
 import type { Job } from "../api/types";
 import { duration } from "../format";
 import { Progress } from "../parts/Progress";
 import { link } from "../router";
+import { may } from "../signin";
 
 /** Jobs to show; kept across views. */
 export const startedJobs = signal<Job[]>([]);
@@ -16,7 +18,8 @@ export const isFinal = (job: Job) => ["succeeded", "failed", "cancelled"].includ
 
 export function TrainingNow({ onDone }: { onDone: () => void }) {
   useEffect(() => {
-    getAll<Job>("/v1/jobs").then(
+    const abort = new AbortController();
+    persist(() => getAll<Job>("/v1/jobs", 5000, abort.signal), abort.signal).then(
       (jobs) => {
         const known = new Set(startedJobs.value.map((job) => job.id));
         const found = jobs.filter((job) => !isFinal(job) && !known.has(job.id));
@@ -26,6 +29,7 @@ export function TrainingNow({ onDone }: { onDone: () => void }) {
         // The view of jobs shows its own problem.
       },
     );
+    return () => abort.abort();
   }, []);
   const dismiss = (id: string) => {
     startedJobs.value = startedJobs.value.filter((job) => job.id !== id);
@@ -64,9 +68,11 @@ function OneJob({ started, onDone, onDismiss }: { started: Job; onDone: () => vo
       ) : (
         <div class="training">
           <Progress job={job} />
-          <button type="button" class="small" onClick={() => void sendJson("POST", `/v1/jobs/${job.id}/cancel`).catch(() => undefined)}>
-            Cancel
-          </button>
+          {may("trainer", "admin") && (
+            <button type="button" class="small" onClick={() => void sendJson("POST", `/v1/jobs/${job.id}/cancel`).catch(() => undefined)}>
+              Cancel
+            </button>
+          )}
         </div>
       )}
     </div>

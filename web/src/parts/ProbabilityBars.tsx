@@ -1,4 +1,5 @@
 // Bars of the likeliest objects and "none of these".
+import { objectColor } from "../colors";
 import { percent } from "../format";
 
 export interface Share {
@@ -14,7 +15,7 @@ export function shares(
   unknown: number,
   n: number,
 ): Share[] {
-  const all: Share[] = objects.map(({ name, probability }) => ({ name, probability }));
+  const all: Share[] = objects.map(({ name, probability }) => ({ name, probability, color: objectColor(name) }));
   if (unknown > 0) all.push({ name: "none of these", probability: unknown, isUnknown: true });
   all.sort((a, b) => b.probability - a.probability);
   return all.slice(0, n);

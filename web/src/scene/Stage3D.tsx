@@ -2,6 +2,7 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 import { dark } from "../format";
 import type { Content } from "./content";
+import { loadScene } from "./load";
 import type { Stage } from "./scene";
 
 export function Stage3D(props: { content: Content; label: string; note?: string; empty?: string }) {
@@ -11,7 +12,7 @@ export function Stage3D(props: { content: Content; label: string; note?: string;
   const isDark = dark.value;
   useEffect(() => {
     let gone = false;
-    import("./scene").then(
+    loadScene().then(
       ({ Stage: Made }) => {
         if (gone || canvas.current === null) return;
         stage.current = new Made(canvas.current);

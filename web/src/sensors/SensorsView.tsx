@@ -3,9 +3,11 @@ import { getAll, getJson } from "../api/http";
 import { useResource } from "../api/resource";
 import type { Sensor, SensorCalibration } from "../api/types";
 import { mm, plural } from "../format";
+import { Commands } from "../parts/Commands";
 import { Empty, Show } from "../parts/Notes";
 import { Badge, Panel, ViewHead } from "../parts/Panel";
 import { link } from "../router";
+import { may } from "../signin";
 
 export function SensorsView() {
   const sensors = useResource("sensors", (signal) => getAll<Sensor>("/v1/sensors", 1000, signal));
@@ -16,7 +18,8 @@ export function SensorsView() {
         {(found) =>
           found.length === 0 ? (
             <Empty title="No sensors">
-              <p>Describe one with <code>POST /v1/sensors</code>.</p>
+              {may("trainer", "admin") && <p>Describe one with <code>POST /v1/sensors</code>, or add a preset:</p>}
+              <Commands lines={["palpate sensors add finger --preset digitacts-6x6"]} roles={["trainer", "admin"]} />
             </Empty>
           ) : (
             <Panel title="All sensors">

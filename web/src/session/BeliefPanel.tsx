@@ -5,10 +5,21 @@ import { Badge, Facts, Panel } from "../parts/Panel";
 import { ProbabilityBars, shares } from "../parts/ProbabilityBars";
 import type { SessionModel } from "./model";
 
+/** The revision that is shown while the selected one has not arrived. */
+export function Stale({ model }: { model: SessionModel }) {
+  return (
+    <span role="status">
+      <Badge kind="warn">still revision {model.shownRevision.value}</Badge> revision {model.revision.value} is loading …
+    </span>
+  );
+}
+
 export function BeliefPanel({ model }: { model: SessionModel }) {
   const belief = model.shown.value;
   const at = model.at.value;
-  const aside = at === null ? "newest" : <Badge kind="warn">as of revision {at}</Badge>;
+  const isStale = model.isStale.value;
+  const aside =
+    belief === undefined ? "" : isStale ? <Stale model={model} /> : at === null ? "newest" : <Badge kind="warn">as of revision {belief.revision}</Badge>;
   if (belief === undefined) {
     return (
       <Panel title="Belief" aside={aside}>
@@ -21,7 +32,7 @@ export function BeliefPanel({ model }: { model: SessionModel }) {
   const spread = Math.hypot(sigma(0), sigma(1), sigma(2));
   const turn = Math.hypot(sigma(3), sigma(4), sigma(5));
   return (
-    <Panel title="Belief" aside={aside}>
+    <Panel title="Belief" aside={aside} class={isStale ? "stale" : ""}>
       <ProbabilityBars of={shares(belief.objects, belief.unknown ?? 0, 6)} label="Likeliest objects" />
       <div class="belief-facts">
         <Facts

@@ -2,7 +2,7 @@
 import { useEffect, useState } from "preact/hooks";
 import type { NextTouch as Touch, NextTouches, Problem } from "../api/types";
 import { sendJson } from "../api/http";
-import { problemFrom } from "../api/resource";
+import { persist, problemFrom } from "../api/resource";
 import { bits, percent } from "../format";
 import { Panel } from "../parts/Panel";
 import type { SessionModel } from "./model";
@@ -32,14 +32,19 @@ export function useNextTouches(model: SessionModel): Suggested {
   const why = reason(session?.state, session?.method, revision);
   useEffect(() => {
     if (why !== undefined || sensor === undefined) return;
+    const abort = new AbortController();
     const timer = setTimeout(() => {
       const asked = { sensor, n: N, recenters: true, deadline_ms: DEADLINE_MS };
-      sendJson<NextTouches>("POST", `/v1/sessions/${model.id}/next-touches`, asked).then(
-        (found) => (setAnswer(found), setProblem(undefined)),
-        (error: unknown) => (setAnswer(undefined), setProblem(problemFrom(error))),
+      const request = () => sendJson<NextTouches>("POST", `/v1/sessions/${model.id}/next-touches`, asked);
+      persist(request, abort.signal, setProblem).then(
+        (found) => abort.signal.aborted || (setAnswer(found), setProblem(undefined)),
+        (error: unknown) => abort.signal.aborted || (setAnswer(undefined), setProblem(problemFrom(error))),
       );
     }, QUIET_MS);
-    return () => clearTimeout(timer);
+    return () => {
+      clearTimeout(timer);
+      abort.abort();
+    };
   }, [why, sensor, revision]);
   const isCurrent = model.at.value === null && answer?.revision === revision && why === undefined;
   return { why, answer, problem, shown: isCurrent ? answer.touches : NONE };

@@ -1,6 +1,7 @@
 // Posterior over identities and entropy, by revision.
 import { useMemo } from "preact/hooks";
-import { dark, percent, seriesColor } from "../format";
+import { colorsVersion, objectColor, plainColor } from "../colors";
+import { dark, percent } from "../format";
 import { Chart, type Series } from "../parts/Chart";
 import { Panel } from "../parts/Panel";
 import type { SessionModel, Step } from "./model";
@@ -12,9 +13,10 @@ export function PosteriorPanel({ model }: { model: SessionModel }) {
   const steps = model.steps.value;
   const isDark = dark.value;
   const x = useMemo(() => steps.map((step) => step.revision), [steps]);
-  const posterior = useMemo(() => identities(steps), [steps, isDark]);
+  const colors = colorsVersion();
+  const posterior = useMemo(() => identities(steps), [steps, isDark, colors]);
   const entropy = useMemo(
-    (): Series[] => [{ label: "uncertainty (bit)", color: seriesColor(0), values: steps.map((step) => step.entropyBits) }],
+    (): Series[] => [{ label: "uncertainty (bit)", color: plainColor(), values: steps.map((step) => step.entropyBits) }],
     [steps, isDark],
   );
   const pick = (revision: number) => void model.show(revision);
@@ -47,13 +49,13 @@ function identities(steps: Step[]): Series[] {
   const names = [...most.keys()]
     .sort((a, b) => (last.get(b) ?? 0) - (last.get(a) ?? 0) || most.get(b)! - most.get(a)!)
     .slice(0, LINES_MAX);
-  const lines = names.map((name, place): Series => ({
+  const lines = names.map((name): Series => ({
     label: name,
-    color: seriesColor(place),
+    color: objectColor(name),
     values: steps.map((step) => step.objects.find((one) => one.name === name)?.probability ?? 0),
   }));
   if (steps.some((step) => step.unknown > 0)) {
-    lines.push({ label: "none of these", color: seriesColor(9), values: steps.map((step) => step.unknown), dashed: true });
+    lines.push({ label: "none of these", color: plainColor(), values: steps.map((step) => step.unknown), dashed: true });
   }
   return lines;
 }

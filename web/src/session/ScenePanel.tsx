@@ -1,8 +1,10 @@
 // The likeliest object in its pose, in 3-D, with its touches, and the same as a table.
 import { useEffect, useMemo, useState } from "preact/hooks";
+import { persist } from "../api/resource";
 import type { NextTouch } from "../api/types";
-import { dark, mm, percent, seriesColor, signedBits } from "../format";
-import { Panel } from "../parts/Panel";
+import { colorsVersion, objectColor } from "../colors";
+import { dark, mm, percent, signedBits } from "../format";
+import { Badge, Panel } from "../parts/Panel";
 import type { Shape } from "../scene/content";
 import { Stage3D } from "../scene/Stage3D";
 import { contentOf, counts } from "./content";
@@ -14,15 +16,17 @@ export function ScenePanel(props: { model: SessionModel; selected: number | unde
   const [ghosts, setGhosts] = useState(true);
   const shapes = useShapes(model);
   const belief = model.shown.value;
-  const revision = model.revision.value;
+  const revision = model.shownRevision.value;
+  const isStale = model.isStale.value;
   const readings = model.readings.value;
   const tints = model.tints.value;
   const by = model.coloring.value;
   const sensors = model.sensors.value;
   const isDark = dark.value;
+  const colors = colorsVersion();
   const content = useMemo(
     () => contentOf({ belief, revision, readings, tints, sensors, shapes, selected, next, ghosts }),
-    [belief, revision, readings, tints, sensors, shapes, selected, next, ghosts, isDark],
+    [belief, revision, readings, tints, sensors, shapes, selected, next, ghosts, isDark, colors],
   );
   const isEmpty = belief !== undefined && belief.poses.length === 0 && content.touches.length === 0;
   const best = belief?.poses[0];
@@ -33,8 +37,10 @@ export function ScenePanel(props: { model: SessionModel; selected: number | unde
   return (
     <Panel
       title="Pose"
+      class={isStale ? "stale" : ""}
       aside={
         <>
+          {isStale && <Badge kind="warn">still revision {revision}</Badge>}
           <button type="button" class="small" aria-pressed={ghosts} onClick={() => setGhosts(!ghosts)}>
             Other hypotheses
           </button>
@@ -56,7 +62,7 @@ export function ScenePanel(props: { model: SessionModel; selected: number | unde
         </span>
         {others.map((pose, place) => (
           <span key={place} class="key">
-            <span class="dot" style={{ background: seriesColor(place + 1) }} aria-hidden="true" />
+            <span class="dot" style={{ background: objectColor(pose.name) }} aria-hidden="true" />
             {pose.name} {percent(pose.weight)}
           </span>
         ))}
@@ -81,20 +87,22 @@ function useShapes(model: SessionModel): Map<string, Shape> {
   const wanted = [...new Set((model.shown.value?.poses ?? []).slice(0, 5).map((pose) => pose.object))].sort().join();
   useEffect(() => {
     if (version === undefined) return;
+    const abort = new AbortController();
     for (const object of wanted.split(",").filter((one) => one !== "")) {
-      shapeOf(version, object).then(
+      persist(() => shapeOf(version, object), abort.signal).then(
         (shape) => setShapes((before) => (before.get(object) === shape ? before : new Map(before).set(object, shape))),
         () => {
           // Without a shape, only the touches are drawn.
         },
       );
     }
+    return () => abort.abort();
   }, [version, wanted]);
   return shapes;
 }
 
 function TouchTable({ model }: { model: SessionModel }) {
-  const revision = model.revision.value;
+  const revision = model.shownRevision.value;
   const contributed = new Map(model.explanation.value?.readings.map((one) => [one.number, one.bits]));
   const touched = model.readings.value.filter((reading) => reading.pose && counts(reading, revision));
   return (

@@ -3,6 +3,7 @@ import { useEffect, useMemo, useState } from "preact/hooks";
 import { announce } from "../announce";
 import { percent, plural, shortId, when } from "../format";
 import { Empty, Loading, ProblemNote } from "../parts/Notes";
+import { Live } from "../parts/Live";
 import { Badge, ViewHead } from "../parts/Panel";
 import { useAction } from "../parts/useAction";
 import { link } from "../router";
@@ -50,9 +51,7 @@ export function SessionView({ id }: { id: string }) {
           </>
         }
       >
-        <span class={model.connected.value && session.state === "open" ? "live live-on" : "live"}>
-          {session.state === "closed" ? "closed" : model.connected.value ? "live" : "connecting"}
-        </span>
+        {session.state === "closed" ? <span class="live">closed</span> : <Live line={model.line.value} />}
         <Badge kind={session.state}>{plural(model.newest.value?.n_readings ?? session.n_readings, "reading")}</Badge>
         {session.state === "open" && may("robot", "admin") && (
           <button type="button" disabled={action.busy} onClick={() => action.run(() => model.close())}>

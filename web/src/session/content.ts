@@ -1,6 +1,7 @@
 // Content of the session's scene: the likeliest object, ghosts, touches and suggested approaches.
 import type { Belief, NextTouch, Sensor, SessionReading } from "../api/types";
-import { bitsColor, seriesColor } from "../format";
+import { objectColor } from "../colors";
+import { bitsColor } from "../format";
 import type { ApproachMark, Body, Content, Shape, TouchMark } from "../scene/content";
 import { centreOfPressure, rotate, transform, upright, type Vector } from "../scene/vectors";
 
@@ -36,7 +37,7 @@ function bodies({ belief, shapes, ghosts }: Seen): Body[] {
     if (shape === undefined) return [];
     if (place === 0) return [{ shape, pose: hypothesis.pose }];
     if (!ghosts || hypothesis.weight < GHOST_WEIGHT_MIN) return [];
-    return [{ shape, pose: hypothesis.pose, ghost: { color: seriesColor(place), weight: hypothesis.weight } }];
+    return [{ shape, pose: hypothesis.pose, ghost: { color: objectColor(hypothesis.name), weight: hypothesis.weight } }];
   });
 }
 

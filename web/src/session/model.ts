@@ -2,7 +2,8 @@
 import { computed, signal } from "@preact/signals";
 import { follow } from "../api/events";
 import { ask, getAll, getJson, ProblemError } from "../api/http";
-import { problemFrom } from "../api/resource";
+import { NO_LINE, type Line } from "../api/pulse";
+import { persist, problemFrom } from "../api/resource";
 import type { Belief, BestObject, CatalogueVersion, Explanation, Problem, ReadingContribution, Replay, Sensor, Session, SessionEvent, SessionReading } from "../api/types";
 
 /** The answer at a revision, and the change that made it. */
@@ -40,7 +41,7 @@ export class SessionModel {
   readonly explaining = signal(false);
   readonly explainProblem = signal<Problem | undefined>(undefined);
   readonly problem = signal<Problem | undefined>(undefined);
-  readonly connected = signal(false);
+  readonly line = signal<Line>(NO_LINE);
   readonly deleted = signal(false);
   /** Chosen colouring of touches; undefined for automatic. */
   readonly colorBy = signal<ColorBy | undefined>(undefined);
@@ -49,13 +50,17 @@ export class SessionModel {
   private readonly past = signal(new Map<number, Belief>());
 
   readonly revision = computed(() => this.at.value ?? this.newest.value?.revision ?? 0);
-  /** Belief of the shown revision; the previous one while it loads. */
+  /** Belief of the selected revision; the one shown before while it loads. */
   readonly shown = computed<Belief | undefined>((): Belief | undefined => {
     const { value: at } = this.at;
     const known = at === null ? this.newest.value : (this.past.value.get(at) ?? this.lastShown);
     this.lastShown = known ?? this.lastShown;
     return known;
   });
+  /** Revision that the shown belief really is of. */
+  readonly shownRevision = computed(() => this.shown.value?.revision ?? 0);
+  /** Whether the selected revision has not arrived, so that another one is shown. */
+  readonly isStale = computed(() => this.shown.value !== undefined && this.shownRevision.value !== this.revision.value);
   /** Effective colouring: as chosen, otherwise bits, or fit if no reading contributed any. */
   readonly coloring = computed<ColorBy>(() => {
     const readings = this.explanation.value?.readings ?? [];
@@ -86,26 +91,38 @@ export class SessionModel {
   async start(): Promise<void> {
     const { signal: aborted } = this.abort;
     try {
-      const session = await getJson<Session>(this.path, aborted);
-      this.session.value = session;
-      const version = `/v1/catalogues/${encodeURIComponent(session.catalogue)}/versions/${session.version}`;
-      const [sensors, found] = await Promise.all([
-        getAll<Sensor>("/v1/sensors", 1000, aborted),
-        getJson<CatalogueVersion>(version, aborted),
-        this.list(),
-        this.replay(),
-      ]);
-      this.sensors.value = new Map(sensors.map((sensor) => [sensor.id, sensor]));
-      this.version.value = found;
+      await this.persist(() => this.load(aborted));
       await this.show(null);
-      await follow(`${this.path}/events`, aborted, (event) => this.take(JSON.parse(event.data) as SessionEvent), (connected) => {
-        this.connected.value = connected;
+      await follow(`${this.path}/events`, aborted, (event) => this.take(JSON.parse(event.data) as SessionEvent), (line) => {
+        if (line.open && !this.line.value.open) this.listSoon();
+        this.line.value = line;
       });
     } catch (error) {
       if (aborted.aborted) return;
       if (error instanceof ProblemError && error.status === 404 && this.session.value) this.deleted.value = true;
       else this.problem.value = problemFrom(error);
     }
+  }
+
+  private async load(aborted: AbortSignal): Promise<void> {
+    const session = await getJson<Session>(this.path, aborted);
+    this.session.value = session;
+    const version = `/v1/catalogues/${encodeURIComponent(session.catalogue)}/versions/${session.version}`;
+    const [sensors, found] = await Promise.all([
+      getAll<Sensor>("/v1/sensors", 1000, aborted),
+      getJson<CatalogueVersion>(version, aborted),
+      this.list(),
+      this.replay(),
+    ]);
+    this.sensors.value = new Map(sensors.map((sensor) => [sensor.id, sensor]));
+    this.version.value = found;
+  }
+
+  /** Repeats a request while the server is away, and shows that it is. */
+  private async persist<T>(request: () => Promise<T>): Promise<T> {
+    const done = await persist(request, this.abort.signal, (problem) => (this.problem.value = problem));
+    this.problem.value = undefined;
+    return done;
   }
 
   stop(): void {
@@ -122,8 +139,11 @@ export class SessionModel {
     const wanted = this.at.value;
     if (wanted === null || this.past.value.has(wanted)) return;
     try {
-      const belief = await getJson<Belief>(`${this.path}/belief?at=${wanted}&poses=5`, this.abort.signal);
-      this.past.value = new Map(this.past.value).set(wanted, belief);
+      const path = `${this.path}/belief?at=${wanted}&poses=5`;
+      // Given up once another revision is selected.
+      const request = async () => (this.at.value === wanted ? getJson<Belief>(path, this.abort.signal) : undefined);
+      const belief = await this.persist(request);
+      if (belief !== undefined) this.past.value = new Map(this.past.value).set(wanted, belief);
     } catch (error) {
       if (!this.abort.signal.aborted) this.problem.value = problemFrom(error);
     }
@@ -160,7 +180,7 @@ export class SessionModel {
     const before = this.steps.value.at(-1)?.revision ?? 0;
     this.newest.value = belief;
     if (belief.revision === before + 1) this.steps.value = [...this.steps.value, stepOf(belief)];
-    else if (belief.revision > before) void this.replay();
+    else if (belief.revision > before) this.persist(() => this.replay()).catch(() => undefined);
     this.listSoon();
     this.explainSoon();
     return false;
@@ -170,7 +190,7 @@ export class SessionModel {
   private listSoon(): void {
     this.listTimer ??= setTimeout(() => {
       this.listTimer = undefined;
-      this.list().catch(() => undefined);
+      this.persist(() => this.list()).catch(() => undefined);
     }, LIST_AFTER_MS);
   }
 
@@ -215,7 +235,11 @@ export class SessionModel {
     if (this.explanation.value?.revision === revision) return;
     this.explaining.value = true;
     try {
-      this.explanation.value = await getJson<Explanation>(`${this.path}/explain?at=${revision}`, this.abort.signal);
+      const path = `${this.path}/explain?at=${revision}`;
+      const request = () => getJson<Explanation>(path, this.abort.signal);
+      const explanation = await persist(request, this.abort.signal, (problem) => (this.explainProblem.value = problem));
+      if (this.revision.value !== revision) return;
+      this.explanation.value = explanation;
       this.explainProblem.value = undefined;
     } catch (error) {
       if (!this.abort.signal.aborted) this.explainProblem.value = problemFrom(error);

@@ -69,7 +69,7 @@ async function orNothing<T>(get: () => Promise<T>): Promise<T | undefined> {
   try {
     return await get();
   } catch (error) {
-    if (error instanceof ProblemError && [403, 404, 409, 503].includes(error.status)) return undefined;
+    if (error instanceof ProblemError && [403, 404, 409].includes(error.status)) return undefined;
     throw error;
   }
 }
