@@ -1,7 +1,6 @@
 //! The database: opened once, with all its repositories.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::sync::Arc;
 
 use thiserror::Error;
@@ -26,7 +25,6 @@ use crate::mesh::Meshes;
 use crate::pieces;
 use crate::record::{self, ClockV1, LayoutV1};
 use crate::robot::RobotHolders;
-use crate::sled::{SledEngine, SledOptions};
 use crate::table::Table;
 
 /// The layout of keys and records in this version of Palpate.
@@ -81,14 +79,6 @@ pub enum DatabaseError {
 }
 
 impl Database {
-    /// Opens the embedded database in `folder`, which is created if it does not exist. Blocks.
-    ///
-    /// # Errors
-    /// [`DatabaseError`] names the process that holds it, the damage, or the version needed.
-    pub fn open_folder(folder: &Path, options: &SledOptions) -> Result<Self, DatabaseError> {
-        Self::with_engine(Arc::new(SledEngine::open(folder, options)?))
-    }
-
     /// A database in memory, lost with the process.
     ///
     /// # Panics
