@@ -15,7 +15,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use uuid::Uuid;
 
 use crate::access::Role;
-use crate::engine::{Commit, Engine};
+use crate::engine::{self, Commit, Engine};
 use crate::error::{StoreError, unconditional};
 use crate::essential::Essential;
 use crate::key::{self, Space};
@@ -328,21 +328,17 @@ impl Known {
 /// The sequence numbers of the entries in a ring.
 fn numbers(engine: &dyn Engine, ring: Ring) -> Result<BTreeSet<u64>, StoreError> {
     let prefix = key::space(ring.space());
-    let (mut found, mut after) = (BTreeSet::new(), None::<Vec<u8>>);
-    loop {
-        let page = engine.scan(&prefix, after.as_deref(), KEYS_PER_SCAN)?;
-        let Some((last, _)) = page.last() else { return Ok(found) };
-        after = Some(last.clone());
-        let heads = page.iter().filter(|(key, _)| key.len() == KEY_BYTES);
+    let mut found = BTreeSet::new();
+    for page in engine::pages(engine, &prefix, None, KEYS_PER_SCAN) {
+        let heads = page?.into_iter().filter(|(key, _)| key.len() == KEY_BYTES);
         let number = |key: &[u8]| key[1..].try_into().map(u64::from_be_bytes).ok();
-        found.extend(heads.filter_map(|(key, _)| number(key)));
+        found.extend(heads.filter_map(|(key, _)| number(&key)));
     }
+    Ok(found)
 }
 
 fn key_of(ring: Ring, seq: u64) -> Vec<u8> {
-    let mut key = key::space(ring.space());
-    key.extend_from_slice(&seq.to_be_bytes());
-    key
+    [&key::space(ring.space())[..], &seq.to_be_bytes()].concat()
 }
 
 fn put(commit: Commit, ring: Ring, entry: &AuditEntry) -> Commit {

@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use uuid::Uuid;
 
 use crate::engine::{
-    Account, Commit, Compacted, Cut, Engine, EngineError, EngineStats, Pair, Pending,
+    self, Account, Commit, Compacted, Cut, Engine, EngineError, EngineStats, Pair, Pending,
 };
 use crate::envelope::{self, Kind};
 use crate::key::{self, Space};
@@ -122,16 +122,12 @@ pub(crate) fn writer_of(engine: &dyn Engine, thing: &[u8]) -> Result<Option<Uuid
 
 /// Calls `look` with all holdings, in the order of their keys.
 pub(crate) fn each(engine: &dyn Engine, mut look: impl FnMut(Holding)) -> Result<(), EngineError> {
-    let prefix = key::space(Space::Holding);
-    let mut after: Option<Vec<u8>> = None;
-    loop {
-        let page = engine.scan(&prefix, after.as_deref(), RECORDS_PER_SCAN)?;
-        let Some((last, _)) = page.last() else { return Ok(()) };
-        after = Some(last.clone());
-        for pair in &page {
+    for page in engine::pages(engine, &key::space(Space::Holding), None, RECORDS_PER_SCAN) {
+        for pair in &page? {
             look(Holding::from_pair(pair)?);
         }
     }
+    Ok(())
 }
 
 /// The number of bytes in a holding's record.

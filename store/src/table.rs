@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use uuid::Uuid;
 
-use crate::engine::{Commit, Engine, Expected};
+use crate::engine::{self, Commit, Engine, Expected};
 use crate::entity::{Job, Object, Sensor, Session};
 use crate::envelope;
 use crate::error::{StoreError, conflict};
@@ -168,11 +168,10 @@ impl<T: Entity> Table<T> {
         limit: usize,
     ) -> Result<Vec<(Uuid, Vec<u8>)>, StoreError> {
         let mut found = Vec::new();
-        let mut after = after.map(behind::<T>);
-        while found.len() < limit {
-            let page = self.engine.scan(prefix, after.as_deref(), KEYS_PER_SCAN)?;
-            let Some((last, _)) = page.last() else { break };
-            after = Some(last.clone());
+        let mut pages = engine::pages(&*self.engine, prefix, after.map(behind::<T>), KEYS_PER_SCAN);
+        while found.len() < limit
+            && let Some(page) = pages.next().transpose()?
+        {
             let heads = page.into_iter().filter(|(key, _)| key.len() == ID_KEY_BYTES);
             found.extend(
                 heads.filter_map(|(key, first)| Some((Uuid::from_slice(&key[1..]).ok()?, first))),
