@@ -15,9 +15,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use uuid::Uuid;
 
 use crate::access::Role;
+use crate::amended::Amended;
 use crate::engine::{self, Commit, Engine};
 use crate::error::{StoreError, unconditional};
-use crate::essential::Essential;
 use crate::key::{self, Space};
 use crate::pieces;
 use crate::record;
@@ -109,7 +109,7 @@ impl Ring {
 pub struct AuditLog {
     engine: Arc<dyn Engine>,
     /// The engine for entries of operations that must work on a full disk.
-    essential: Essential,
+    essential: Amended,
     is_essential: fn(&str) -> bool,
     sizes: RingSizes,
     known: Mutex<Known>,
@@ -144,7 +144,7 @@ impl AuditLog {
         let next = newest.map_or(1, |(seq, _)| seq + 1);
         let pending = BTreeSet::new();
         let known = Mutex::new(Known { next, last_ms: 0, rings, pending });
-        let essential = Essential(Arc::clone(&engine));
+        let essential = Amended::essential(Arc::clone(&engine));
         let log = Self { engine, essential, is_essential, sizes, known };
         if let Some((seq, ring)) = newest {
             let last = log.read(ring, seq)?;

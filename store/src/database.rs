@@ -7,6 +7,7 @@ use thiserror::Error;
 use uuid::Uuid;
 
 use crate::access::AccessKey;
+use crate::amended::Amended;
 use crate::audit::{AuditLog, RingSizes};
 use crate::calibration::Calibrations;
 use crate::catalogue::Catalogues;
@@ -16,8 +17,7 @@ use crate::engine::{
 };
 use crate::entity::{Job, Object, Sensor, Session};
 use crate::error::{RecordError, StoreError, unconditional};
-use crate::essential::Essential;
-use crate::holding::{self, Accounted, Holding, Who};
+use crate::holding::{self, Holding, Who};
 use crate::journal::{Journal, JournalSpaces};
 use crate::key::{self, Space};
 use crate::memory::MemoryEngine;
@@ -119,13 +119,13 @@ impl Database {
     /// may use the last of the reserve.
     #[must_use]
     pub fn essential(&self) -> Self {
-        Self { engine: Arc::new(Essential(Arc::clone(&self.engine))) }
+        Self { engine: Arc::new(Amended::essential(Arc::clone(&self.engine))) }
     }
 
     /// The same database, whose commits count to the account that `who` names at the time.
     #[must_use]
     pub fn with_accounts(self, who: Who) -> Self {
-        Self { engine: Arc::new(Accounted { engine: self.engine, who }) }
+        Self { engine: Arc::new(Amended::accounted(self.engine, who)) }
     }
 
     /// Bytes that each API key holds; the nil id for writes without a key.
