@@ -104,7 +104,7 @@ mod tests {
     #[test]
     fn outcomes_have_their_codes_also_behind_a_context() {
         let unreachable = ClientError::TimedOut { url: "u".to_owned() };
-        let other = ClientError::EventsEnded { url: "u".to_owned() };
+        let other = ClientError::Event { url: "u".to_owned(), detail: String::new() };
         assert_eq!(code(&anyhow::Error::from(unreachable).context("adding the mug")), 3);
         assert_eq!(code(&other.into()), 1);
         assert_eq!(code(&Ended::NotRecognised.into()), 4);

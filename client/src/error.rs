@@ -58,12 +58,6 @@ pub enum Error {
         /// Error of the parser, with its position.
         source: serde_json::Error,
     },
-    /// An event stream ended early.
-    #[error("the events of {url} ended early")]
-    EventsEnded {
-        /// URL of the request.
-        url: String,
-    },
     /// An event could not be parsed.
     #[error("{url} sent an event that cannot be read: {detail}")]
     Event {

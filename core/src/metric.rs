@@ -195,7 +195,9 @@ mod tests {
         #[test]
         fn a_balls_distance_matches_the_closed_form(a in 0u64..200, b in 0u64..200) {
             let (a, b) = (random_pose(a), random_pose(b));
-            let expected = a.inertial_distance_to(&b, 0.04);
+            // Chirikjian and Zhou (1998), equation 4: d² = ‖Δt‖² + (4r²/5)(1 − cos φ).
+            let turned = 0.8 * 0.04 * 0.04 * (1.0 - a.angle_to(&b).cos());
+            let expected = (a.translation.distance_squared(b.translation) + turned).sqrt();
             prop_assert!((BALL.distance(&a, &b) - expected).abs() < 1e-8);
         }
 

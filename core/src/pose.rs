@@ -109,14 +109,6 @@ impl Pose {
     pub fn angle_to(&self, other: &Self) -> f64 {
         rotation_angle(self.rotation.conjugate() * other.rotation)
     }
-
-    /// The inertial distance of Chirikjian and Zhou (1998, equation 4) for a solid sphere of
-    /// `radius` metres: d² = ‖Δt‖² + (4r²/5)(1 − cos φ). In metres.
-    #[must_use]
-    pub fn inertial_distance_to(&self, other: &Self, radius: f64) -> f64 {
-        let turned = 0.8 * radius * radius * (1.0 - self.angle_to(other).cos());
-        (self.translation.distance_squared(other.translation) + turned).sqrt()
-    }
 }
 
 /// The angle of a rotation, in radians within 0 ..= π.
@@ -178,14 +170,6 @@ mod tests {
     fn the_angle_is_exact_at_half_a_turn() {
         let turned = Pose::from_parts(DQuat::from_rotation_x(PI), DVec3::ZERO);
         assert!((turned.angle_to(&Pose::IDENTITY) - PI).abs() < 1e-12);
-    }
-
-    #[test]
-    fn inertial_distance_of_a_half_turned_sphere() {
-        // r = 40 mm, φ = π: d² = 0.8 · 0.0016 · 2 = 0.00256, so d = 50.596 mm.
-        let turned = Pose::from_parts(DQuat::from_rotation_y(PI), DVec3::ZERO);
-        let distance = turned.inertial_distance_to(&Pose::IDENTITY, 0.040);
-        assert!((distance - 0.050_596).abs() < 1e-6, "{distance}");
     }
 
     proptest! {

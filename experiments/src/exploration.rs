@@ -13,7 +13,6 @@ use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::units::DEG;
 use palpate_dissertation::appearance::model::AppearanceRule;
-use palpate_sim::noise::NoiseLevel;
 use palpate_sim::plot::{Panel, svg};
 
 use crate::appearance_trials::{Evidence, line};
@@ -146,16 +145,8 @@ fn strategies() -> [Strategy; 4] {
 }
 
 fn settings() -> Vec<Setting> {
-    let setting = |sensor: SensorDescription| {
-        let side = sensor.grid().rows;
-        Setting {
-            name: format!("{side}×{side}"),
-            key: format!("{side}x{side}_"),
-            sensor,
-            noise_level: NoiseLevel::NONE,
-        }
-    };
-    [SensorDescription::digitacts_6x6(), SensorDescription::tekscan_26x26()].map(setting).into()
+    let sensors = [SensorDescription::digitacts_6x6(), SensorDescription::tekscan_26x26()];
+    sensors.map(Setting::of_resolution).into()
 }
 
 #[cfg(test)]

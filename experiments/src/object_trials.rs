@@ -75,6 +75,15 @@ pub struct Setting {
     pub noise_level: NoiseLevel,
 }
 
+impl Setting {
+    /// A sensor without more noise, named after its resolution.
+    pub(crate) fn of_resolution(sensor: SensorDescription) -> Self {
+        let side = sensor.grid().rows;
+        let (name, key) = (format!("{side}×{side}"), format!("{side}x{side}_"));
+        Self { name, key, sensor, noise_level: NoiseLevel::NONE }
+    }
+}
+
 /// Readings of every object in one setting.
 pub struct Touched {
     /// Readings per object for training and validation.

@@ -1,7 +1,6 @@
 //! Figure 4.15 again: 6 × 6, 14 × 14 and 26 × 26 taxels over the same 12 mm.
 
 use palpate_core::sensor::SensorDescription;
-use palpate_sim::noise::NoiseLevel;
 
 use crate::object_trials::{ObjectTrials, Setting};
 use crate::report::{Outcome, Progress};
@@ -20,16 +19,7 @@ fn settings() -> Vec<Setting> {
         SensorDescription::fingertip_14x14(),
         SensorDescription::tekscan_26x26(),
     ];
-    let setting = |sensor: SensorDescription| {
-        let side = sensor.grid().rows;
-        Setting {
-            name: format!("{side}×{side}"),
-            key: format!("{side}x{side}_"),
-            sensor,
-            noise_level: NoiseLevel::NONE,
-        }
-    };
-    sensors.into_iter().map(setting).collect()
+    sensors.into_iter().map(Setting::of_resolution).collect()
 }
 
 #[cfg(test)]

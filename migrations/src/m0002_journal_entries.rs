@@ -5,7 +5,7 @@
 //! written as such: no calibration (0), no feature, no approach (0 m), no motion. With layout
 //! 2 the engine also keeps its tally, which an older Palpate would not update.
 
-use palpate_store::engine::{Commit, Engine, Pair};
+use palpate_store::engine::{Commit, Engine, Pair, pages};
 use palpate_store::envelope::{self, Kind};
 
 use crate::MigrateError;
@@ -28,13 +28,9 @@ const POSE_BYTES: usize = 7 * 8;
 pub(crate) fn run(engine: &dyn Engine) -> Result<u64, MigrateError> {
     let mut n_changed = 0;
     for space in SPACES {
-        let mut after: Option<Vec<u8>> = None;
-        loop {
-            let page = engine.scan(&[space], after.as_deref(), KEYS_PER_READ)?;
-            let Some((last, _)) = page.last() else { break };
-            after = Some(last.clone());
-            let heads: Vec<Pair> =
-                page.into_iter().filter(|(key, _)| key.len() == KEY_BYTES).collect();
+        for page in pages(engine, &[space], None, KEYS_PER_READ) {
+            let heads = page?.into_iter().filter(|(key, _)| key.len() == KEY_BYTES);
+            let heads: Vec<Pair> = heads.collect();
             for group in heads.chunks(ENTRIES_PER_COMMIT) {
                 n_changed += change(engine, group)?;
             }

@@ -72,8 +72,4 @@ impl Entity for AccessKey {
     fn id(&self) -> Uuid {
         self.id
     }
-
-    fn name(&self) -> Option<&str> {
-        None
-    }
 }

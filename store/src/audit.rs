@@ -15,9 +15,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use uuid::Uuid;
 
 use crate::access::Role;
-use crate::engine::{Commit, Engine};
+use crate::amended::Amended;
+use crate::engine::{self, Commit, Engine};
 use crate::error::{StoreError, unconditional};
-use crate::essential::Essential;
 use crate::key::{self, Space};
 use crate::pieces;
 use crate::record;
@@ -109,7 +109,7 @@ impl Ring {
 pub struct AuditLog {
     engine: Arc<dyn Engine>,
     /// The engine for entries of operations that must work on a full disk.
-    essential: Essential,
+    essential: Amended,
     is_essential: fn(&str) -> bool,
     sizes: RingSizes,
     known: Mutex<Known>,
@@ -144,7 +144,7 @@ impl AuditLog {
         let next = newest.map_or(1, |(seq, _)| seq + 1);
         let pending = BTreeSet::new();
         let known = Mutex::new(Known { next, last_ms: 0, rings, pending });
-        let essential = Essential(Arc::clone(&engine));
+        let essential = Amended::essential(Arc::clone(&engine));
         let log = Self { engine, essential, is_essential, sizes, known };
         if let Some((seq, ring)) = newest {
             let last = log.read(ring, seq)?;
@@ -328,21 +328,17 @@ impl Known {
 /// The sequence numbers of the entries in a ring.
 fn numbers(engine: &dyn Engine, ring: Ring) -> Result<BTreeSet<u64>, StoreError> {
     let prefix = key::space(ring.space());
-    let (mut found, mut after) = (BTreeSet::new(), None::<Vec<u8>>);
-    loop {
-        let page = engine.scan(&prefix, after.as_deref(), KEYS_PER_SCAN)?;
-        let Some((last, _)) = page.last() else { return Ok(found) };
-        after = Some(last.clone());
-        let heads = page.iter().filter(|(key, _)| key.len() == KEY_BYTES);
+    let mut found = BTreeSet::new();
+    for page in engine::pages(engine, &prefix, None, KEYS_PER_SCAN) {
+        let heads = page?.into_iter().filter(|(key, _)| key.len() == KEY_BYTES);
         let number = |key: &[u8]| key[1..].try_into().map(u64::from_be_bytes).ok();
-        found.extend(heads.filter_map(|(key, _)| number(key)));
+        found.extend(heads.filter_map(|(key, _)| number(&key)));
     }
+    Ok(found)
 }
 
 fn key_of(ring: Ring, seq: u64) -> Vec<u8> {
-    let mut key = key::space(ring.space());
-    key.extend_from_slice(&seq.to_be_bytes());
-    key
+    [&key::space(ring.space())[..], &seq.to_be_bytes()].concat()
 }
 
 fn put(commit: Commit, ring: Ring, entry: &AuditEntry) -> Commit {

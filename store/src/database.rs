@@ -1,13 +1,13 @@
 //! The database: opened once, with all its repositories.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::sync::Arc;
 
 use thiserror::Error;
 use uuid::Uuid;
 
 use crate::access::AccessKey;
+use crate::amended::Amended;
 use crate::audit::{AuditLog, RingSizes};
 use crate::calibration::Calibrations;
 use crate::catalogue::Catalogues;
@@ -17,8 +17,7 @@ use crate::engine::{
 };
 use crate::entity::{Job, Object, Sensor, Session};
 use crate::error::{RecordError, StoreError, unconditional};
-use crate::essential::Essential;
-use crate::holding::{self, Accounted, Holding, Who};
+use crate::holding::{self, Holding, Who};
 use crate::journal::{Journal, JournalSpaces};
 use crate::key::{self, Space};
 use crate::memory::MemoryEngine;
@@ -26,7 +25,6 @@ use crate::mesh::Meshes;
 use crate::pieces;
 use crate::record::{self, ClockV1, LayoutV1};
 use crate::robot::RobotHolders;
-use crate::sled::{SledEngine, SledOptions};
 use crate::table::Table;
 
 /// The layout of keys and records in this version of Palpate.
@@ -81,14 +79,6 @@ pub enum DatabaseError {
 }
 
 impl Database {
-    /// Opens the embedded database in `folder`, which is created if it does not exist. Blocks.
-    ///
-    /// # Errors
-    /// [`DatabaseError`] names the process that holds it, the damage, or the version needed.
-    pub fn open_folder(folder: &Path, options: &SledOptions) -> Result<Self, DatabaseError> {
-        Self::with_engine(Arc::new(SledEngine::open(folder, options)?))
-    }
-
     /// A database in memory, lost with the process.
     ///
     /// # Panics
@@ -129,13 +119,13 @@ impl Database {
     /// may use the last of the reserve.
     #[must_use]
     pub fn essential(&self) -> Self {
-        Self { engine: Arc::new(Essential(Arc::clone(&self.engine))) }
+        Self { engine: Arc::new(Amended::essential(Arc::clone(&self.engine))) }
     }
 
     /// The same database, whose commits count to the account that `who` names at the time.
     #[must_use]
     pub fn with_accounts(self, who: Who) -> Self {
-        Self { engine: Arc::new(Accounted { engine: self.engine, who }) }
+        Self { engine: Arc::new(Amended::accounted(self.engine, who)) }
     }
 
     /// Bytes that each API key holds; the nil id for writes without a key.

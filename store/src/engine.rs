@@ -50,7 +50,7 @@ pub trait Engine: Send + Sync + 'static {
     fn get(&self, key: &[u8]) -> Result<Option<Vec<u8>>, EngineError>;
 
     /// Up to `limit` pairs whose keys begin with `prefix` and are greater than `after`, in
-    /// ascending order.
+    /// ascending order; fewer only at their end.
     ///
     /// # Errors
     /// [`EngineError`] when the engine cannot read.
@@ -100,6 +100,23 @@ pub trait Engine: Send + Sync + 'static {
     /// # Errors
     /// [`EngineError`] when the engine cannot determine them.
     fn stats(&self) -> Result<EngineStats, EngineError>;
+}
+
+/// The pairs whose keys begin with `prefix` and are greater than `after`, in ascending order, in
+/// pages of `limit` pairs; the last one has fewer.
+pub fn pages(
+    engine: &dyn Engine,
+    prefix: &[u8],
+    after: Option<Vec<u8>>,
+    limit: usize,
+) -> impl Iterator<Item = Result<Vec<Pair>, EngineError>> {
+    let mut next = Some(after);
+    std::iter::from_fn(move || {
+        let page = engine.scan(prefix, next.take()?.as_deref(), limit);
+        let full = page.as_ref().ok().filter(|page| page.len() == limit);
+        next = full.and_then(|page| page.last()).map(|(last, _)| Some(last.clone()));
+        Some(page)
+    })
 }
 
 /// All pairs of an engine after one commit, page by page in ascending order.

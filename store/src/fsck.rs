@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 
 use thiserror::Error;
 
-use crate::engine::{Engine, EngineError, Pair};
+use crate::engine::{self, Engine, EngineError};
 use crate::pieces;
 use records::Assembly;
 use relations::Relations;
@@ -121,17 +121,12 @@ pub enum CollectError {
 /// The engine's.
 pub fn check(engine: &dyn Engine) -> Result<Report, EngineError> {
     let mut checker = Checker::default();
-    let mut after: Option<Vec<u8>> = None;
-    loop {
-        let page: Vec<Pair> = engine.scan(&[], after.as_deref(), PAIRS_PER_READ)?;
-        for (key, value) in &page {
+    for page in engine::pages(engine, &[], None, PAIRS_PER_READ) {
+        for (key, value) in &page? {
             checker.pair(key, value);
         }
-        match page.into_iter().last() {
-            Some((last, _)) => after = Some(last),
-            None => return Ok(checker.finish()),
-        }
     }
+    Ok(checker.finish())
 }
 
 /// Removes the leftovers of a report.

@@ -11,9 +11,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use uuid::Uuid;
 
-use crate::engine::{
-    Account, Commit, Compacted, Cut, Engine, EngineError, EngineStats, Pair, Pending,
-};
+use crate::engine::{self, Account, Commit, Engine, EngineError, Pair};
 use crate::envelope::{self, Kind};
 use crate::key::{self, Space};
 use crate::pieces;
@@ -122,16 +120,12 @@ pub(crate) fn writer_of(engine: &dyn Engine, thing: &[u8]) -> Result<Option<Uuid
 
 /// Calls `look` with all holdings, in the order of their keys.
 pub(crate) fn each(engine: &dyn Engine, mut look: impl FnMut(Holding)) -> Result<(), EngineError> {
-    let prefix = key::space(Space::Holding);
-    let mut after: Option<Vec<u8>> = None;
-    loop {
-        let page = engine.scan(&prefix, after.as_deref(), RECORDS_PER_SCAN)?;
-        let Some((last, _)) = page.last() else { return Ok(()) };
-        after = Some(last.clone());
-        for pair in &page {
+    for page in engine::pages(engine, &key::space(Space::Holding), None, RECORDS_PER_SCAN) {
+        for pair in &page? {
             look(Holding::from_pair(pair)?);
         }
     }
+    Ok(())
 }
 
 /// The number of bytes in a holding's record.
@@ -232,8 +226,13 @@ impl Bill {
 }
 
 impl Held {
+    /// Bytes that each key holds, as an engine states them.
+    pub(crate) fn of(engine: &dyn Engine) -> Self {
+        Self(Mutex::new(engine.held()))
+    }
+
     /// Whether an account may write this many bytes more.
-    fn check(&self, account: Account, more: u64) -> Result<(), EngineError> {
+    pub(crate) fn check(&self, account: Account, more: u64) -> Result<(), EngineError> {
         let held = self.lock().get(&account.key).copied().unwrap_or(0);
         match account.quota {
             Some(quota) if more > 0 && held.saturating_add(more) > quota => {
@@ -246,49 +245,3 @@ impl Held {
 
 /// Function that returns the account of a commit when the commit is made; `None` for no account.
 pub type Who = Arc<dyn Fn() -> Option<Account> + Send + Sync>;
-
-/// An engine whose commits count towards an account.
-pub(crate) struct Accounted {
-    pub(crate) engine: Arc<dyn Engine>,
-    pub(crate) who: Who,
-}
-
-impl Engine for Accounted {
-    fn get(&self, key: &[u8]) -> Result<Option<Vec<u8>>, EngineError> {
-        self.engine.get(key)
-    }
-
-    fn scan(
-        &self,
-        prefix: &[u8],
-        after: Option<&[u8]>,
-        limit: usize,
-    ) -> Result<Vec<Pair>, EngineError> {
-        self.engine.scan(prefix, after, limit)
-    }
-
-    fn commit(&self, commit: Commit) -> Pending {
-        self.engine.commit(Commit { account: (self.who)(), ..commit })
-    }
-
-    fn held(&self) -> BTreeMap<Uuid, u64> {
-        self.engine.held()
-    }
-
-    fn check_quota(&self, more: u64) -> Result<(), EngineError> {
-        let Some(account) = (self.who)() else { return Ok(()) };
-        Held(Mutex::new(self.engine.held())).check(account, more)
-    }
-
-    fn cut(&self) -> Result<Box<dyn Cut>, EngineError> {
-        self.engine.cut()
-    }
-
-    fn compact(&self) -> Result<Compacted, EngineError> {
-        self.engine.compact()
-    }
-
-    fn stats(&self) -> Result<EngineStats, EngineError> {
-        self.engine.stats()
-    }
-}

@@ -14,7 +14,7 @@ use std::sync::Arc;
 use thiserror::Error;
 use uuid::Uuid;
 
-use crate::engine::{Engine, EngineError};
+use crate::engine::{self, Engine, EngineError};
 use crate::entity::{ReadingId, StoredReading};
 use crate::envelope::EnvelopeError;
 use crate::error::{RecordError, StoreError};
@@ -262,11 +262,8 @@ impl Journal {
         let Some(space) = self.spaces.retractions else { return Ok(found) };
         let damaged = StoreError::damaged(space);
         let prefix = key::id(space, owner);
-        let mut after = None;
-        loop {
-            let page = self.engine.scan(&prefix, after.as_deref(), RETRACTIONS_PER_SCAN)?;
-            let is_last = page.len() < RETRACTIONS_PER_SCAN;
-            for (key, bytes) in &page {
+        for page in engine::pages(&*self.engine, &prefix, None, RETRACTIONS_PER_SCAN) {
+            for (key, bytes) in &page? {
                 let record: JournalRetractionV1 = record::decode(bytes).map_err(&damaged)?;
                 let seq: Option<[u8; 8]> = key[prefix.len()..].try_into().ok();
                 let seq = u64::from_be_bytes(seq.ok_or_else(|| {
@@ -275,11 +272,8 @@ impl Journal {
                 })?);
                 found.insert(seq, record.seq);
             }
-            if is_last {
-                return Ok(found);
-            }
-            after = page.into_iter().next_back().map(|(key, _)| key);
         }
+        Ok(found)
     }
 
     /// Up to `limit` entries from number `from` on.

@@ -76,42 +76,31 @@ pub fn space(space: Space) -> Vec<u8> {
 /// The key of an id, and the prefix of the records under it.
 #[must_use]
 pub fn id(space: Space, id: Uuid) -> Vec<u8> {
-    let mut key = Vec::with_capacity(40);
-    key.push(space as u8);
-    key.extend_from_slice(id.as_bytes());
-    key
+    [&[space as u8], &id.as_bytes()[..]].concat()
 }
 
 /// The key of a number under an id.
 #[must_use]
 pub fn numbered(space: Space, owner: Uuid, number: u64) -> Vec<u8> {
-    let mut key = id(space, owner);
-    key.extend_from_slice(&number.to_be_bytes());
-    key
+    [&id(space, owner)[..], &number.to_be_bytes()].concat()
 }
 
 /// The key of an id under an id.
 #[must_use]
 pub fn nested(space: Space, owner: Uuid, inner: Uuid) -> Vec<u8> {
-    let mut key = id(space, owner);
-    key.extend_from_slice(inner.as_bytes());
-    key
+    [&id(space, owner)[..], inner.as_bytes()].concat()
 }
 
 /// The key of a content hash.
 #[must_use]
 pub fn hash(space: Space, hash: &[u8; 32]) -> Vec<u8> {
-    let mut key = vec![space as u8];
-    key.extend_from_slice(hash);
-    key
+    [&[space as u8], &hash[..]].concat()
 }
 
 /// The key of a unique name; `kind` is the space of the named ids.
 #[must_use]
 pub fn name(kind: Space, name: &str) -> Vec<u8> {
-    let mut key = vec![Space::Name as u8, kind as u8];
-    key.extend_from_slice(name.as_bytes());
-    key
+    [&[Space::Name as u8, kind as u8], name.as_bytes()].concat()
 }
 
 /// The key of a robot's own number under an id, among those written with an API key; without
@@ -124,26 +113,20 @@ pub fn robot(
     seq: u64,
     written_by: Option<Uuid>,
 ) -> Vec<u8> {
-    let mut key = id(space, owner);
-    key.push(u8::try_from(robot.len()).unwrap_or(u8::MAX));
-    key.extend_from_slice(robot.as_bytes());
-    key.extend_from_slice(&seq.to_be_bytes());
-    key.extend_from_slice(written_by.as_ref().map_or(&[][..], |key| key.as_bytes()));
-    key
+    let length = u8::try_from(robot.len()).unwrap_or(u8::MAX);
+    let written_by = written_by.as_ref().map_or(&[][..], |key| key.as_bytes());
+    let (owner, seq) = (id(space, owner), seq.to_be_bytes());
+    [&owner[..], &[length], robot.as_bytes(), &seq, written_by].concat()
 }
 
 /// The key of a robot's name in the fleet. `robot` has at most 64 bytes.
 #[must_use]
 pub fn robot_name(robot: &str) -> Vec<u8> {
-    let mut key = space(Space::RobotHolder);
-    key.extend_from_slice(robot.as_bytes());
-    key
+    [&[Space::RobotHolder as u8], robot.as_bytes()].concat()
 }
 
 /// The key of piece `piece` (from 1) of the value that begins under `head`.
 #[must_use]
 pub fn piece(head: &[u8], piece: u32) -> Vec<u8> {
-    let mut key = head.to_vec();
-    key.extend_from_slice(&piece.to_be_bytes());
-    key
+    [head, &piece.to_be_bytes()].concat()
 }

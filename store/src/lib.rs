@@ -10,7 +10,6 @@
 //! upgrades of old formats (`migrations`).
 
 pub mod engine;
-mod essential;
 pub mod key;
 pub mod envelope;
 pub mod private;
@@ -22,6 +21,7 @@ pub mod record;
 pub mod entity;
 mod pieces;
 pub mod holding;
+mod amended;
 pub mod memory;
 pub mod sled;
 pub mod robot;

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use uuid::Uuid;
 
-use crate::engine::{Commit, Engine};
+use crate::engine::{self, Commit, Engine};
 use crate::error::{StoreError, unconditional};
 use crate::holding;
 use crate::key::{self, Space};
@@ -46,16 +46,14 @@ impl RobotHolders {
     /// [`StoreError::Damaged`] and the engine's.
     pub fn all(&self) -> Result<Vec<RobotHolder>, StoreError> {
         let prefix = key::space(Space::RobotHolder);
-        let (mut found, mut after) = (Vec::new(), None::<Vec<u8>>);
-        loop {
-            let page = self.engine.scan(&prefix, after.as_deref(), RECORDS_PER_SCAN)?;
-            let Some((last, _)) = page.last() else { return Ok(found) };
-            after = Some(last.clone());
-            for (_, bytes) in &page {
+        let mut found = Vec::new();
+        for page in engine::pages(&*self.engine, &prefix, None, RECORDS_PER_SCAN) {
+            for (_, bytes) in &page? {
                 let holder = record::decode(bytes);
                 found.push(holder.map_err(StoreError::damaged(Space::RobotHolder))?);
             }
         }
+        Ok(found)
     }
 
     /// Assigns names to keys, replacing earlier owners; durable when it returns.

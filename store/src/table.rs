@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use uuid::Uuid;
 
-use crate::engine::{Commit, Engine, Expected};
+use crate::engine::{self, Commit, Engine, Expected};
 use crate::entity::{Job, Object, Sensor, Session};
 use crate::envelope;
 use crate::error::{StoreError, conflict};
@@ -33,7 +33,9 @@ pub trait Entity: Record + Clone + Send + Sync {
     fn id(&self) -> Uuid;
 
     /// Its name, unique among its kind, if its kind has names.
-    fn name(&self) -> Option<&str>;
+    fn name(&self) -> Option<&str> {
+        None
+    }
 }
 
 /// A page of a table's items, in the order of their ids (which is that of their creation).
@@ -112,12 +114,7 @@ impl<T: Entity> Table<T> {
     /// As [`Table::find`].
     pub fn list(&self, after: Option<Uuid>, limit: usize) -> Result<Page<T>, StoreError> {
         let prefix = key::space(T::SPACE);
-        let after = after.map(|id| {
-            // After all pieces of the item.
-            let mut key = key::id(T::SPACE, id);
-            key.extend_from_slice(&[0xff; 5]);
-            key
-        });
+        let after = after.map(behind::<T>);
         let wanted = limit.saturating_add(1);
         let records = pieces::scan(
             &*self.engine,
@@ -171,11 +168,10 @@ impl<T: Entity> Table<T> {
         limit: usize,
     ) -> Result<Vec<(Uuid, Vec<u8>)>, StoreError> {
         let mut found = Vec::new();
-        let mut after = after.map(|id| [&key::id(T::SPACE, id)[..], &[0xff; 5]].concat());
-        while found.len() < limit {
-            let page = self.engine.scan(prefix, after.as_deref(), KEYS_PER_SCAN)?;
-            let Some((last, _)) = page.last() else { break };
-            after = Some(last.clone());
+        let mut pages = engine::pages(&*self.engine, prefix, after.map(behind::<T>), KEYS_PER_SCAN);
+        while found.len() < limit
+            && let Some(page) = pages.next().transpose()?
+        {
             let heads = page.into_iter().filter(|(key, _)| key.len() == ID_KEY_BYTES);
             found.extend(
                 heads.filter_map(|(key, first)| Some((Uuid::from_slice(&key[1..]).ok()?, first))),
@@ -277,6 +273,11 @@ impl<T: Entity> Table<T> {
 /// Maximum length of a name, bytes.
 pub const NAME_BYTES_MAX: usize = 200;
 
+/// A key after all pieces of an item, and before the next item.
+fn behind<T: Entity>(id: Uuid) -> Vec<u8> {
+    [&key::id(T::SPACE, id)[..], &[0xff; 5]].concat()
+}
+
 fn name_commit<T: Entity>(commit: Commit, name: &str, id: Uuid) -> Commit {
     let key = key::name(T::SPACE, name);
     let named = record::encode(&NameV1 { id: id.into_bytes() });
@@ -320,10 +321,6 @@ impl Entity for Job {
     fn id(&self) -> Uuid {
         self.id
     }
-
-    fn name(&self) -> Option<&str> {
-        None
-    }
 }
 
 impl Entity for Session {
@@ -332,9 +329,5 @@ impl Entity for Session {
 
     fn id(&self) -> Uuid {
         self.id
-    }
-
-    fn name(&self) -> Option<&str> {
-        None
     }
 }

@@ -376,7 +376,7 @@ mod tests {
         #[test]
         fn signs_do_not_depend_on_the_order_of_features(seed in 0..1000_u64) {
             let features = random(20, 5, seed);
-            let mut rows = features.to_rows();
+            let mut rows: Vec<Vec<f64>> = features.rows().map(<[f64]>::to_vec).collect();
             rows.reverse();
             let reversed = FeatureMatrix::from_rows(&rows).unwrap();
             let fit = |features| Pca::fit(features, Keep::Share(1.0)).unwrap();

@@ -26,17 +26,21 @@ pub enum MeshFormat {
     Off,
 }
 
+/// Each format with its name, which is also its extension, and its media type.
+const FORMATS: [(MeshFormat, &str, &str); 4] = [
+    (MeshFormat::Stl, "STL", "model/stl"),
+    (MeshFormat::Obj, "OBJ", "model/obj"),
+    (MeshFormat::Ply, "PLY", "model/ply"),
+    (MeshFormat::Off, "OFF", "model/off"),
+];
+
 impl MeshFormat {
     /// The format of a file name's extension, with or without its dot, in any case.
     #[must_use]
     pub fn from_extension(extension: &str) -> Option<Self> {
-        match extension.trim_start_matches('.').to_ascii_lowercase().as_str() {
-            "stl" => Some(Self::Stl),
-            "obj" => Some(Self::Obj),
-            "ply" => Some(Self::Ply),
-            "off" => Some(Self::Off),
-            _ => None,
-        }
+        let extension = extension.trim_start_matches('.');
+        let found = FORMATS.iter().find(|(_, name, _)| name.eq_ignore_ascii_case(extension));
+        found.map(|(format, ..)| *format)
     }
 
     /// The format of a media type such as `model/stl`; parameters after `;` are ignored.
@@ -57,23 +61,13 @@ impl MeshFormat {
     /// The media type of the format.
     #[must_use]
     pub fn media_type(self) -> &'static str {
-        match self {
-            Self::Stl => "model/stl",
-            Self::Obj => "model/obj",
-            Self::Ply => "model/ply",
-            Self::Off => "model/off",
-        }
+        FORMATS[self as usize].2
     }
 }
 
 impl fmt::Display for MeshFormat {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(match self {
-            Self::Stl => "STL",
-            Self::Obj => "OBJ",
-            Self::Ply => "PLY",
-            Self::Off => "OFF",
-        })
+        formatter.write_str(FORMATS[*self as usize].1)
     }
 }
 
@@ -140,14 +134,11 @@ mod tests {
     use super::*;
     use crate::mesh::Mesh;
 
-    const FORMATS: [MeshFormat; 4] =
-        [MeshFormat::Stl, MeshFormat::Obj, MeshFormat::Ply, MeshFormat::Off];
-
     #[test]
     fn extensions_and_media_types_map_to_formats() {
         assert_eq!(MeshFormat::from_extension(".STL"), Some(MeshFormat::Stl));
         assert_eq!(MeshFormat::from_extension("dae"), None);
-        for format in FORMATS {
+        for (format, ..) in FORMATS {
             assert_eq!(MeshFormat::from_media_type(format.media_type()), Some(format));
         }
         assert_eq!(MeshFormat::from_media_type("model/PLY; charset=utf-8"), Some(MeshFormat::Ply));
@@ -155,7 +146,7 @@ mod tests {
 
     #[test]
     fn empty_files_and_units_out_of_range_are_refused() {
-        for format in FORMATS {
+        for (format, ..) in FORMATS {
             assert_eq!(Mesh::from_bytes(format, b"", 1.0), Err(MeshError::Empty), "{format}");
             for unit in [0.0, -1.0, f64::NAN, f64::INFINITY] {
                 let error = Mesh::from_bytes(format, b"x", unit).unwrap_err();
@@ -173,7 +164,7 @@ mod tests {
             (MeshFormat::Obj, b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
         ];
         for (found, file) in files {
-            for format in FORMATS.into_iter().filter(|format| *format != found) {
+            for (format, ..) in FORMATS.into_iter().filter(|(format, ..)| *format != found) {
                 // Long enough for a binary STL's header, whose count is then nonsense.
                 let file = file.repeat(40);
                 let refused = Mesh::from_bytes(format, &file, 1e-3);
@@ -192,7 +183,7 @@ mod tests {
             let heads: [&[u8]; 4] =
                 [b"", b"solid x\n", b"OFF\n", b"ply\nformat ascii 1.0\nelement vertex 3\n"];
             let file = [heads[head], &bytes].concat();
-            let _ = Mesh::from_bytes(FORMATS[which], &file, 1e-3);
+            let _ = Mesh::from_bytes(FORMATS[which].0, &file, 1e-3);
         }
     }
 }

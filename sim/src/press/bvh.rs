@@ -61,78 +61,60 @@ impl Bvh {
         let turn = DMat3::from_quat(sensor_from_object.rotation);
         let spread = DMat3::from_cols(turn.x_axis.abs(), turn.y_axis.abs(), turn.z_axis.abs());
         let shift = sensor_from_object.translation;
-        let mut pending = [0u32; 64];
-        let mut n_pending = 1;
-        while n_pending > 0 {
-            n_pending -= 1;
-            let idx = pending[n_pending];
-            let node = &self.nodes[idx as usize];
+        let apart = |node: &Node| {
             let center = turn * node.center + shift;
             let half = spread * node.half;
-            let apart = (center - half).cmpgt(near.high) | (center + half).cmplt(near.low);
-            if apart.any() {
-                continue;
-            }
-            if node.n_triangles == 0 {
-                pending[n_pending] = node.start;
-                pending[n_pending + 1] = idx + 1;
-                n_pending += 2;
-            } else {
-                let start = node.start as usize;
-                for corners in &self.triangles[start..start + node.n_triangles as usize] {
-                    visit(corners.map(|corner| turn * corner + shift));
-                }
-            }
-        }
+            ((center - half).cmpgt(near.high) | (center + half).cmplt(near.low)).any()
+        };
+        self.any(apart, |corners| {
+            visit(corners.map(|corner| turn * corner + shift));
+            false
+        });
     }
 
     /// Whether any triangle crosses the open segment from `from` to `to`.
     pub(super) fn hits_segment(&self, from: DVec3, to: DVec3) -> bool {
         let (middle, half_way) = (0.5 * (from + to), 0.5 * (to - from));
-        let mut pending = vec![0u32];
-        while let Some(idx) = pending.pop() {
-            let node = &self.nodes[idx as usize];
-            // The segment's own box against the node's: enough for short segments.
-            if ((node.center - middle).abs()).cmpgt(node.half + half_way.abs()).any() {
-                continue;
-            }
-            if node.n_triangles == 0 {
-                pending.extend([node.start, idx + 1]);
-            } else {
-                let start = node.start as usize;
-                let leaf = &self.triangles[start..start + node.n_triangles as usize];
-                if leaf.iter().any(|corners| crosses(corners, from, to)) {
-                    return true;
-                }
-            }
-        }
-        false
+        // The segment's own box against the node's: enough for short segments.
+        let apart =
+            |node: &Node| (node.center - middle).abs().cmpgt(node.half + half_way.abs()).any();
+        self.any(apart, |corners| crosses(corners, from, to))
     }
-}
 
-impl Bvh {
     /// Whether any triangle is nearer than `radius` to the segment from `from` to `to`.
     pub(super) fn is_near_segment(&self, from: DVec3, to: DVec3, radius: f64) -> bool {
+        let apart = |node: &Node| {
+            !segment_meets_box(from - node.center, to - node.center, node.half + radius)
+        };
+        let near = |corners: &_| segment_to_triangle_squared(from, to, corners) < radius * radius;
+        self.any(apart, near)
+    }
+
+    /// Whether a triangle is `found` in a leaf; nodes that are `apart` are not searched.
+    fn any(
+        &self,
+        apart: impl Fn(&Node) -> bool,
+        mut found: impl FnMut(&[DVec3; 3]) -> bool,
+    ) -> bool {
         let mut pending = [0u32; 64];
         let mut n_pending = 1;
         while n_pending > 0 {
             n_pending -= 1;
             let idx = pending[n_pending];
             let node = &self.nodes[idx as usize];
-            if !segment_meets_box(from - node.center, to - node.center, node.half + radius) {
+            if apart(node) {
                 continue;
             }
             if node.n_triangles == 0 {
                 pending[n_pending] = node.start;
                 pending[n_pending + 1] = idx + 1;
                 n_pending += 2;
-            } else {
-                let start = node.start as usize;
-                let leaf = &self.triangles[start..start + node.n_triangles as usize];
-                let near = |corners| segment_to_triangle_squared(from, to, corners);
-                if leaf.iter().any(|corners| near(corners) < radius * radius) {
-                    return true;
-                }
+                continue;
+            }
+            let start = node.start as usize;
+            let leaf = &self.triangles[start..start + node.n_triangles as usize];
+            if leaf.iter().any(&mut found) {
+                return true;
             }
         }
         false

@@ -18,9 +18,6 @@ use crate::key;
 use crate::pieces;
 use crate::record;
 
-/// Attempts of [`Journal::append_next`] under concurrent appends.
-const APPEND_ATTEMPTS: usize = 64;
-
 /// A unique property that a new entry claims.
 enum Claim<'entry> {
     /// A robot's number, among those of an API key.
@@ -53,21 +50,6 @@ impl Journal {
             Err(Ok(expectation)) => Err(self.taken(owner, &claims[expectation - 1], expected)?),
             Err(Err(error)) => Err(error.into()),
         }
-    }
-
-    /// Appends entries at the end and returns the number of the first.
-    ///
-    /// # Errors
-    /// As [`Journal::append`]; [`AppendError::Sequence`] only under endless concurrent appends.
-    pub async fn append_next(&self, owner: Uuid, entries: &[NewEntry]) -> Result<u64, AppendError> {
-        let mut expected = self.len(owner)?;
-        for _ in 1..APPEND_ATTEMPTS {
-            match self.append(owner, expected, entries).await {
-                Err(AppendError::Sequence { found, .. }) => expected = found,
-                other => return other.map(|()| expected),
-            }
-        }
-        self.append(owner, expected, entries).await.map(|()| expected)
     }
 
     /// The reason for which a claim of an append from `expected` on failed.

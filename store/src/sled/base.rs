@@ -13,6 +13,8 @@ use std::ops::{Bound, Range};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use bytes::Buf;
+
 use super::tally::Contents;
 use crate::engine::{KEY_BYTES_MAX, Pair, VALUE_BYTES_MAX};
 
@@ -62,18 +64,19 @@ impl Base {
         if crc32fast::hash(said).to_le_bytes() != checksum || !said.starts_with(&head) {
             return Err(damaged("has no whole footer"));
         }
-        let (index_at, index_length) = (number(said, 8), number(said, 16));
+        let mut said = &said[head.len()..];
+        let (index_at, index_length) = (said.get_u64_le(), said.get_u64_le());
+        let (n_pairs, live_bytes, sum) = (said.get_u64_le(), said.get_u64_le(), said.get_u128_le());
         if index_at.checked_add(index_length) != Some(footer_at) {
             return Err(damaged("has an index that does not fit"));
         }
         let mut index = vec![0; usize::try_from(index_length).map_err(io::Error::other)?];
         read_at(&file, &mut index, index_at)?;
-        if crc32fast::hash(&index).to_le_bytes() != said[56..60] {
+        if crc32fast::hash(&index) != said.get_u32_le() {
             return Err(damaged("has a damaged index"));
         }
         let blocks = blocks(&index).ok_or_else(|| damaged("has a damaged index"))?;
-        let sum = said[40..56].try_into().map_or(0, u128::from_le_bytes);
-        let contents = Contents { sum, n_pairs: number(said, 24), live_bytes: number(said, 32) };
+        let contents = Contents { sum, n_pairs, live_bytes };
         Ok(Self { file, path: path.to_owned(), blocks, contents })
     }
 
@@ -134,9 +137,7 @@ impl Base {
         let mut rest = split_block(&bytes).ok_or_else(damaged)?;
         let mut pairs = Vec::with_capacity(32);
         while !rest.is_empty() {
-            let (pair, behind) = split_pair(rest).ok_or_else(damaged)?;
-            pairs.push(pair);
-            rest = behind;
+            pairs.push(split_pair(&mut rest).ok_or_else(damaged)?);
         }
         Ok(pairs)
     }
@@ -212,16 +213,13 @@ impl Iterator for BaseRange {
 fn blocks(mut index: &[u8]) -> Option<Vec<Block>> {
     let mut blocks = Vec::new();
     while !index.is_empty() {
-        let (length, rest) = index.split_first_chunk::<2>()?;
-        let (first, rest) = rest.split_at_checked(usize::from(u16::from_le_bytes(*length)))?;
-        let (at, rest) = rest.split_first_chunk::<8>()?;
-        let (length, rest) = rest.split_first_chunk::<4>()?;
-        let (at, length) = (u64::from_le_bytes(*at), u32::from_le_bytes(*length));
+        let first_length = index.try_get_u16_le().ok()?;
+        let first = index.split_off(..usize::from(first_length))?.into();
+        let (at, length) = (index.try_get_u64_le().ok()?, index.try_get_u32_le().ok()?);
         if !(CHECKSUM_BYTES..=BLOCK_BYTES_MAX).contains(&(length as usize)) {
             return None;
         }
-        blocks.push(Block { first: first.into(), at, length });
-        index = rest;
+        blocks.push(Block { first, at, length });
     }
     Some(blocks)
 }
@@ -232,16 +230,10 @@ fn split_block(bytes: &[u8]) -> Option<&[u8]> {
     (crc32fast::hash(pairs).to_le_bytes() == *checksum).then_some(pairs)
 }
 
-fn split_pair(bytes: &[u8]) -> Option<(Pair, &[u8])> {
-    let (key, rest) = bytes.split_first_chunk::<2>()?;
-    let (value, rest) = rest.split_first_chunk::<2>()?;
-    let (key, rest) = rest.split_at_checked(usize::from(u16::from_le_bytes(*key)))?;
-    let (value, rest) = rest.split_at_checked(usize::from(u16::from_le_bytes(*value)))?;
-    Some(((key.to_vec(), value.to_vec()), rest))
-}
-
-fn number(bytes: &[u8], at: usize) -> u64 {
-    bytes[at..at + 8].try_into().map_or(0, u64::from_le_bytes)
+fn split_pair(bytes: &mut &[u8]) -> Option<Pair> {
+    let (key, value) = (bytes.try_get_u16_le().ok()?, bytes.try_get_u16_le().ok()?);
+    let [key, value] = [key, value].map(|length| bytes.split_off(..usize::from(length)));
+    Some((key?.to_vec(), value?.to_vec()))
 }
 
 fn damage(path: &Path, what: &str) -> io::Error {

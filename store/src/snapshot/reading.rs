@@ -9,7 +9,7 @@ use super::{
 use crate::access::AccessKey;
 use crate::database::LAYOUT;
 use crate::engine::{
-    Commit, CommitError, Engine, EngineError, KEY_BYTES_MAX, Pair, VALUE_BYTES_MAX,
+    self, Commit, CommitError, Engine, EngineError, KEY_BYTES_MAX, Pair, VALUE_BYTES_MAX,
 };
 use crate::fsck::{Checker, Report};
 use crate::key::{self, ID_KEY_BYTES, Space};
@@ -88,13 +88,9 @@ const OF_KEYS: [Space; 2] = [Space::AccessKey, Space::RobotHolder];
 /// Copies keys and dependent records from another database.
 fn copy_keys(from: &dyn Engine, engine: &dyn Engine) -> Result<(), EngineError> {
     for space in OF_KEYS.into_iter().chain([Space::Clock]) {
-        let mut after: Option<Vec<u8>> = None;
-        loop {
-            let page = from.scan(&key::space(space), after.as_deref(), PAIRS_PER_COMMIT)?;
-            let Some((last, _)) = page.last() else { break };
-            after = Some(last.clone());
+        for page in engine::pages(from, &key::space(space), None, PAIRS_PER_COMMIT) {
             let put = |commit: Commit, (key, value)| commit.put(key, value);
-            write(engine, page.into_iter().fold(Commit::new(), put))?;
+            write(engine, page?.into_iter().fold(Commit::new(), put))?;
         }
     }
     Ok(())

@@ -85,7 +85,8 @@ fn compaction_and_restart_keep_all_records() {
         assert_eq!(engine.stats().unwrap().compactions, 3);
     }
     assert_eq!(files(folder.path()).len(), 3, "{:?}", files(folder.path()));
-    let database = Database::open_folder(folder.path(), &by_hand()).unwrap();
+    let engine = SledEngine::open(folder.path(), &by_hand()).unwrap();
+    let database = Database::with_engine(Arc::new(engine)).unwrap();
     assert_eq!(samples::read_all(&database), Ok(()));
 }
 

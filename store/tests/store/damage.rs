@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use palpate_store::database::Database;
+use palpate_store::database::{Database, DatabaseError};
 use palpate_store::engine::{Commit, Engine};
 use palpate_store::memory::MemoryEngine;
-use palpate_store::sled::SledOptions;
+use palpate_store::sled::{SledEngine, SledOptions};
 use tempfile::TempDir;
 
 use crate::samples;
@@ -77,7 +77,8 @@ fn two_swapped_values_are_detected() {
 fn a_damaged_data_file_never_panics_or_gives_wrong_data() {
     let folder = TempDir::new().unwrap();
     {
-        let database = Database::open_folder(folder.path(), &SledOptions::default()).unwrap();
+        let engine = SledEngine::open(folder.path(), &SledOptions::default()).unwrap();
+        let database = Database::with_engine(Arc::new(engine)).unwrap();
         samples::fill(&database);
     }
     let path = folder.path().join("sled/db");
@@ -102,7 +103,9 @@ fn a_damaged_data_file_never_panics_or_gives_wrong_data() {
         }
         std::fs::write(copy.path().join("sled/db"), damaged).unwrap();
         // A byte in free space changes nothing; everything else must be an error.
-        let outcome = Database::open_folder(copy.path(), &SledOptions::default())
+        let outcome = SledEngine::open(copy.path(), &SledOptions::default())
+            .map_err(DatabaseError::from)
+            .and_then(|engine| Database::with_engine(Arc::new(engine)))
             .map_err(|error| error.to_string())
             .and_then(|database| samples::read_all(&database));
         found += usize::from(outcome.is_err());

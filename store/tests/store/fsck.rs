@@ -93,7 +93,7 @@ fn a_retraction_without_its_record_is_reported() {
     let owner = Uuid::from_u128(50);
     let event = Event::Retraction { seq: 0 };
     let entry = NewEntry { reading_id: None, received_at_ms: 1, event, written_by: None };
-    samples::wait(journal.append_next(owner, &[entry])).unwrap();
+    samples::wait(journal.append(owner, 2, &[entry])).unwrap();
     assert_eq!(damages(&check(&*engine).unwrap()), [""; 0]);
     write(&*engine, &key::numbered(Space::JournalRetraction, owner, 0), None);
     let named = damages(&check(&*engine).unwrap());

@@ -128,7 +128,7 @@ fn a_quota_refuses_only_writes_that_do_not_fit() {
         wait(desk.database.sessions().create(&session(50))).unwrap();
         let journal = desk.database.journal();
         let refused =
-            (1..20).find_map(|seq| wait(journal.append_next(id, &[entry("a", seq)])).err());
+            (1..20).find_map(|seq| wait(journal.append(id, seq - 1, &[entry("a", seq)])).err());
         let Some(AppendError::Store(StoreError::Engine(error))) = refused else { panic!() };
         let EngineError::OverQuota { held, more, quota: 3_000 } = error else { panic!("{error}") };
         assert!(held <= 3_000 && held + more > 3_000 && held == desk.held(ARM));
@@ -147,7 +147,8 @@ fn a_quota_refuses_only_writes_that_do_not_fit() {
         .unwrap()
         .expect("what must work goes beyond the quota");
         desk.writes(TRAINER, Some(3_000));
-        wait(journal.append_next(id, &[entry("b", 1)])).expect("another key has its own");
+        let next = journal.len(id).unwrap();
+        wait(journal.append(id, next, &[entry("b", 1)])).expect("another key has its own");
         desk.writes(ARM, Some(3_000));
         wait(desk.database.remove_session(id)).unwrap();
         wait(desk.database.sessions().create(&session(51))).expect("room again");

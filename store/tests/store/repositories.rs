@@ -157,7 +157,7 @@ fn a_journal_accepts_the_expected_append_and_refuses_others() {
         assert_eq!(late, Err(AppendError::Sequence { expected: 0, found: 2 }));
         let early = wait(journal.append(owner, 3, &[entry("b", 1)]));
         assert_eq!(early, Err(AppendError::Sequence { expected: 3, found: 2 }));
-        assert_eq!(wait(journal.append_next(owner, &[entry("b", 1)])), Ok(2));
+        assert_eq!(wait(journal.append(owner, 2, &[entry("b", 1)])), Ok(()));
         let robots: Vec<_> = journal
             .entries(owner, 1, 10)
             .unwrap()
@@ -177,17 +177,17 @@ fn a_repeated_reading_is_found_and_stored_once() {
     check(|database| {
         let (journal, owner) = (database.journal(), Uuid::from_u128(1));
         wait(journal.append(owner, 0, &[entry("a", 7)])).unwrap();
-        let again = wait(journal.append_next(owner, &[entry("b", 1), entry("a", 7)]));
+        let again = wait(journal.append(owner, 1, &[entry("b", 1), entry("a", 7)]));
         let repeated = AppendError::Repeated { robot: "a".to_owned(), seq: 7, at: 0 };
         assert_eq!(again, Err(repeated));
-        let twice = wait(journal.append_next(owner, &[entry("c", 1), entry("c", 1)]));
+        let twice = wait(journal.append(owner, 1, &[entry("c", 1), entry("c", 1)]));
         assert!(matches!(twice, Err(AppendError::Repeated { at: 1, .. })), "{twice:?}");
         assert_eq!(journal.len(owner), Ok(1));
         let find =
             |robot: &str, seq| journal.find(owner, &ReadingId { robot: robot.into(), seq }, None);
         assert_eq!(find("a", 7), Ok(Some(0)));
         assert_eq!(find("b", 1), Ok(None));
-        let long = wait(journal.append_next(owner, &[entry(&"r".repeat(65), 1)]));
+        let long = wait(journal.append(owner, 1, &[entry(&"r".repeat(65), 1)]));
         assert_eq!(long, Err(AppendError::RobotLength { found: 65 }));
         let stored = journal.entry(owner, 0).unwrap().unwrap();
         assert_eq!(stored.event, entry("a", 7).event);
@@ -250,7 +250,9 @@ fn concurrent_writers_of_a_journal_leave_no_gap() {
                 let journal = &journal;
                 scope.spawn(move || {
                     for seq in 0..20 {
-                        wait(journal.append_next(owner, &[entry(robot, seq)])).unwrap();
+                        let entries = [entry(robot, seq)];
+                        let next = || journal.append(owner, journal.len(owner).unwrap(), &entries);
+                        while matches!(wait(next()), Err(AppendError::Sequence { .. })) {}
                     }
                 });
             }
@@ -330,7 +332,7 @@ fn removing_an_object_leaves_nothing() {
     let file = mesh_file(50_000);
     wait(database.objects().create(&object(20))).unwrap();
     wait(database.meshes().put(id, &mesh_info(1, &file), &file)).unwrap();
-    wait(database.training().append_next(id, &[entry("a", 1)])).unwrap();
+    wait(database.training().append(id, 0, &[entry("a", 1)])).unwrap();
     assert!(wait(database.remove_object(id)).unwrap());
     assert_eq!(database.stats().unwrap().bytes, empty);
 }

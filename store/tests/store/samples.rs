@@ -180,7 +180,7 @@ pub(crate) fn fill(database: &Database) {
         database.sensors().create(&sensor(10)).await?;
         database.objects().create(&object(20)).await?;
         database.meshes().put(Uuid::from_u128(20), &mesh_info(30, &file), &file).await?;
-        database.training().append_next(Uuid::from_u128(20), &[entry("a", 1)]).await.unwrap();
+        database.training().append(Uuid::from_u128(20), 0, &[entry("a", 1)]).await.unwrap();
         database.jobs().create(&job(40)).await?;
         database.sessions().create(&session(50)).await?;
         let entries = [entry("a", 1), entry("b", 1)];
