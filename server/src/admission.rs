@@ -12,7 +12,7 @@ use std::sync::Arc;
 use palpate_store::engine::EngineError;
 use palpate_store::sled::CUTS_MAX;
 
-use crate::budget::{Budget, Holding, Over};
+use crate::budget::{Budget, Holding, Over, ShareFull};
 use crate::client::Client;
 use crate::config::Config;
 use crate::door::Connections;
@@ -100,5 +100,5 @@ pub(crate) struct InMemory(pub(crate) usize);
 
 /// The refusal of a client that holds its share of a budget.
 pub(crate) fn share(name: &'static str, unit: &'static str, budget: &Budget) -> Refusal {
-    Refusal::ShareFull { name, unit, used: budget.used(), total: budget.total() }
+    ShareFull { name, unit, used: budget.used(), total: budget.total() }.into()
 }

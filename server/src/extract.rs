@@ -18,6 +18,7 @@ use serde_json::error::Category;
 use serde_path_to_error::Segment;
 
 use crate::app::App;
+use crate::cause::Cause;
 use crate::refusal::Refusal;
 pub(crate) use msgpack::parse as parse_msgpack;
 
@@ -152,13 +153,13 @@ impl FromRequestParts<App> for Segment3 {
 /// The revision in a request's `If-Match`, as written by our `ETag`s.
 ///
 /// # Errors
-/// [`Refusal::RevisionMissing`] without the header, [`Refusal::Invalid`] when it is not one of our
+/// [`Refusal::RevisionMissing`] without the header, [`Cause::Invalid`] when it is not one of our
 /// tags.
 pub(crate) fn if_match(headers: &HeaderMap) -> Result<u64, Refusal> {
     let value = headers.get(header::IF_MATCH).ok_or(Refusal::RevisionMissing)?;
     revision(headers, &header::IF_MATCH).ok_or_else(|| {
         let detail = format!("came {value:?}, expected the `ETag` of what is changed");
-        Refusal::field("header:if-match", detail)
+        Cause::field("header:if-match", detail).into()
     })
 }
 
@@ -216,7 +217,7 @@ fn query_refusal(error: &QueryRejection) -> Refusal {
         }
         _ => plain::words(&detail),
     };
-    Refusal::field(format!("?{name}"), detail)
+    Cause::field(format!("?{name}"), detail).into()
 }
 
 fn json_refusal(pointer: String, error: &serde_json::Error) -> Refusal {
@@ -229,7 +230,7 @@ fn json_refusal(pointer: String, error: &serde_json::Error) -> Refusal {
 fn wrong_value(pointer: String, detail: String) -> Refusal {
     let missing = named_field(&detail).filter(|_| detail.starts_with("missing field"));
     let pointer = missing.map_or(pointer.clone(), |name| format!("{pointer}/{name}"));
-    Refusal::field(pointer, plain::words(&detail))
+    Cause::field(pointer, plain::words(&detail)).into()
 }
 
 /// The refusal of a body that cannot be read from `pointer` on.

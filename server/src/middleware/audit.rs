@@ -14,6 +14,7 @@ use tracing::Instrument as _;
 
 use crate::app::App;
 use crate::asker;
+use crate::cause::Cause;
 use crate::refusal::Refusal;
 use crate::services::audit::{Attempt, KEEPS_OPEN, alike};
 
@@ -47,7 +48,7 @@ pub(crate) async fn record(State(app): State<App>, mut request: Request, next: N
         response
     };
     let changed = asker::spawn(changing.in_current_span()).await;
-    changed.unwrap_or_else(|_| Refusal::Panicked.into_response())
+    changed.unwrap_or_else(|_| Refusal::from(Cause::Panicked).into_response())
 }
 
 /// Whether a change failed because of its request.
