@@ -24,6 +24,9 @@ use crate::known_sensors::UnknownSensor;
 use crate::limits::{Bound, retry_after};
 use crate::live::error::LiveError;
 use crate::refusal::Refusal;
+use crate::refusal::access::AccessError;
+use crate::refusal::load::LoadError;
+use crate::refusal::request::RequestError;
 use crate::secret::redacted;
 use crate::services::catalogues::error::CatalogueError;
 use crate::services::jobs::error::JobError;
@@ -113,28 +116,20 @@ fn refusal(refusal: &Refusal) -> Answer {
         Refusal::Catalogue(error) => catalogue(error),
         Refusal::Session(error) => session(error),
         Refusal::Job(error) => job(error),
-        Refusal::ShareFull(error) => share(error),
+        Refusal::Access(error) => access(error),
+        Refusal::Request(error) => request(error),
+        Refusal::Load(error) => load(error),
         Refusal::NotReady(readiness) => {
             let failed = readiness.checks.iter().filter(|check| !check.passed).cloned();
             let failed = failed.map(|it| FieldError { pointer: it.name, detail: it.detail });
             Answer { errors: failed.collect(), ..ProblemType::Unavailable.into() }
         }
-        Refusal::Malformed { errors, .. } => {
-            Answer { errors: errors.clone(), ..ProblemType::MalformedRequest.into() }
-        }
-        Refusal::Unreadable { .. } => ProblemType::MalformedRequest.into(),
-        Refusal::BodyTooLarge { .. } => ProblemType::BodyTooLarge.into(),
-        Refusal::BodyTooSlow { .. } => ProblemType::Timeout.into(),
-        Refusal::ContentType { .. } => {
-            Answer::at(ProblemType::UnsupportedMediaType, "header:content-type", refusal)
-        }
-        Refusal::ContentEncoding { .. } => {
-            Answer::at(ProblemType::UnsupportedMediaType, "header:content-encoding", refusal)
-        }
-        Refusal::RevisionMissing => {
-            Answer::at(ProblemType::PreconditionRequired, "header:if-match", refusal)
-        }
-        Refusal::Unauthenticated(fault) => {
+    }
+}
+
+fn access(error: &AccessError) -> Answer {
+    match error {
+        AccessError::Unauthenticated(fault) => {
             let asks = match fault {
                 KeyFault::Missing => "Bearer realm=\"palpate\"",
                 _ => "Bearer realm=\"palpate\", error=\"invalid_token\"",
@@ -142,24 +137,50 @@ fn refusal(refusal: &Refusal) -> Answer {
             let asks = Some(HeaderValue::from_static(asks));
             Answer::with_header(ProblemType::Unauthenticated, header::WWW_AUTHENTICATE, asks)
         }
-        Refusal::OtherMethod { allow } => {
+        AccessError::OtherMethod { allow } => {
             let allow = HeaderValue::from_str(allow).ok();
             Answer::with_header(ProblemType::MethodNotAllowed, header::ALLOW, allow)
         }
-        Refusal::Forbidden { .. } | Refusal::ForeignHost { .. } | Refusal::ForeignOrigin { .. } => {
-            ProblemType::Forbidden.into()
+        AccessError::Forbidden { .. }
+        | AccessError::ForeignHost { .. }
+        | AccessError::ForeignOrigin { .. } => ProblemType::Forbidden.into(),
+    }
+}
+
+fn request(error: &RequestError) -> Answer {
+    match error {
+        RequestError::Malformed { errors, .. } => {
+            Answer { errors: errors.clone(), ..ProblemType::MalformedRequest.into() }
         }
-        Refusal::RateExceeded { bound, wait } | Refusal::FailuresExceeded { bound, wait } => {
+        RequestError::Unreadable { .. } => ProblemType::MalformedRequest.into(),
+        RequestError::BodyTooLarge { .. } => ProblemType::BodyTooLarge.into(),
+        RequestError::BodyTooSlow { .. } => ProblemType::Timeout.into(),
+        RequestError::ContentType { .. } => {
+            Answer::at(ProblemType::UnsupportedMediaType, "header:content-type", error)
+        }
+        RequestError::ContentEncoding { .. } => {
+            Answer::at(ProblemType::UnsupportedMediaType, "header:content-encoding", error)
+        }
+        RequestError::RevisionMissing => {
+            Answer::at(ProblemType::PreconditionRequired, "header:if-match", error)
+        }
+    }
+}
+
+fn load(error: &LoadError) -> Answer {
+    match error {
+        LoadError::RateExceeded { bound, wait } | LoadError::FailuresExceeded { bound, wait } => {
             Answer::too_fast(*bound, *wait)
         }
-        Refusal::RequestsFull { under_way } => {
+        LoadError::RequestsFull { under_way } => {
             overloaded("concurrency", "concurrent-requests", *under_way)
         }
-        Refusal::StreamsFull { open } => overloaded("streams", "streams", *open),
-        Refusal::BodiesFull { max, .. } => overloaded("bodies", "content-bytes", *max),
-        Refusal::AnswersFull { max, .. } => overloaded("answers", "content-bytes", *max),
-        Refusal::ConnectionsFull { open } => overloaded("connections", "connections", *open),
-        Refusal::TooSlow { .. } => ProblemType::Overloaded.into(),
+        LoadError::StreamsFull { open } => overloaded("streams", "streams", *open),
+        LoadError::BodiesFull { max, .. } => overloaded("bodies", "content-bytes", *max),
+        LoadError::AnswersFull { max, .. } => overloaded("answers", "content-bytes", *max),
+        LoadError::ConnectionsFull { open } => overloaded("connections", "connections", *open),
+        LoadError::ShareFull(error) => share(error),
+        LoadError::TooSlow { .. } => ProblemType::Overloaded.into(),
     }
 }
 
