@@ -12,11 +12,12 @@ use std::sync::Arc;
 use palpate_store::engine::EngineError;
 use palpate_store::sled::CUTS_MAX;
 
-use crate::budget::{Budget, Holding, Over};
+use crate::budget::{Budget, Holding, Over, ShareFull};
 use crate::client::Client;
 use crate::config::Config;
 use crate::door::Connections;
 use crate::refusal::Refusal;
+use crate::refusal::load::LoadError;
 
 /// The budgets of requests under way.
 #[derive(Debug)]
@@ -42,9 +43,9 @@ impl Admission {
     }
 
     /// Reserves one event stream for the lifetime of the holding.
-    pub(crate) fn stream(&self, client: Option<Client>) -> Result<Holding, Refusal> {
+    pub(crate) fn stream(&self, client: Option<Client>) -> Result<Holding, LoadError> {
         self.streams.take(client, 1).map_err(|over| match over {
-            Over::Total => Refusal::StreamsFull { open: self.streams.total() },
+            Over::Total => LoadError::StreamsFull { open: self.streams.total() },
             Over::Share => share("streams", "streams", &self.streams),
         })
     }
@@ -53,7 +54,7 @@ impl Admission {
     pub(crate) fn snapshot(&self, client: Option<Client>) -> Result<Holding, Refusal> {
         self.snapshots.take(client, 1).map_err(|over| match over {
             Over::Total => EngineError::CutsUnderWay { max: self.snapshots.total() }.into(),
-            Over::Share => share("snapshots", "snapshots", &self.snapshots),
+            Over::Share => share("snapshots", "snapshots", &self.snapshots).into(),
         })
     }
 
@@ -86,9 +87,9 @@ impl Admission {
     }
 
     /// Room for one request, for as long as the holding lives.
-    pub(crate) fn request(&self, client: Option<Client>) -> Result<Holding, Refusal> {
+    pub(crate) fn request(&self, client: Option<Client>) -> Result<Holding, LoadError> {
         self.requests.take(client, 1).map_err(|over| match over {
-            Over::Total => Refusal::RequestsFull { under_way: self.requests.total() },
+            Over::Total => LoadError::RequestsFull { under_way: self.requests.total() },
             Over::Share => share("concurrency", "concurrent-requests", &self.requests),
         })
     }
@@ -99,6 +100,6 @@ impl Admission {
 pub(crate) struct InMemory(pub(crate) usize);
 
 /// The refusal of a client that holds its share of a budget.
-pub(crate) fn share(name: &'static str, unit: &'static str, budget: &Budget) -> Refusal {
-    Refusal::ShareFull { name, unit, used: budget.used(), total: budget.total() }
+pub(crate) fn share(name: &'static str, unit: &'static str, budget: &Budget) -> LoadError {
+    ShareFull { name, unit, used: budget.used(), total: budget.total() }.into()
 }

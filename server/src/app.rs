@@ -116,12 +116,15 @@ impl App {
     }
 
     /// Runs a long read of the store on a compute thread, so that request threads stay free.
-    pub(crate) async fn apart<T: Send + 'static>(
+    pub(crate) async fn apart<T: Send + 'static, E: Send + 'static>(
         &self,
-        read: impl FnOnce(&Self) -> Result<T, Refusal> + Send + 'static,
-    ) -> Result<T, Refusal> {
+        read: impl FnOnce(&Self) -> Result<T, E> + Send + 'static,
+    ) -> Result<T, Refusal>
+    where
+        Refusal: From<E>,
+    {
         let app = self.clone();
-        self.pool().place()?.run_long(move || read(&app)).await?
+        Ok(self.pool().place()?.run_long(move || read(&app)).await??)
     }
 
     /// Becomes true when the server stops.

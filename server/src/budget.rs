@@ -8,6 +8,8 @@
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use thiserror::Error;
+
 use crate::client::Client;
 
 /// Largest multiple of the free amount that a client may hold. Chosen: a fleet behind one key
@@ -34,6 +36,19 @@ pub(crate) enum Over {
     Total,
     /// This client holds its share.
     Share,
+}
+
+/// Refusal of a client that holds its share of a budget.
+#[derive(Clone, Copy, Debug, Error)]
+#[error(
+    "this client holds its share of the server's {name}: all clients hold {used} of {total} \
+     {unit}, and one client at most three times what is free"
+)]
+pub(crate) struct ShareFull {
+    pub(crate) name: &'static str,
+    pub(crate) unit: &'static str,
+    pub(crate) used: usize,
+    pub(crate) total: usize,
 }
 
 /// A part of a budget, released on drop.

@@ -18,7 +18,9 @@ use serde_json::error::Category;
 use serde_path_to_error::Segment;
 
 use crate::app::App;
+use crate::cause::Cause;
 use crate::refusal::Refusal;
+use crate::refusal::request::RequestError;
 pub(crate) use msgpack::parse as parse_msgpack;
 
 /// Length in bytes above which bodies are parsed on the compute pool: 1 ms is about 100 kB.
@@ -57,7 +59,7 @@ impl<T: DeserializeOwned + Send + 'static> FromRequest<App> for JsonBody<T> {
     async fn from_request(request: Request, app: &App) -> Result<Self, Refusal> {
         let found = content_type(request.headers());
         if !is_json(&found) {
-            return Err(Refusal::ContentType { found, expected: "application/json" });
+            return Err(RequestError::ContentType { found, expected: "application/json" }.into());
         }
         parsed(request, app, parse).await.map(Self)
     }
@@ -74,7 +76,7 @@ impl<T: DeserializeOwned + Default + Send + 'static> FromRequest<App> for Option
             return Ok(Self(T::default()));
         }
         if !is_json(&found) {
-            return Err(Refusal::ContentType { found, expected: "application/json" });
+            return Err(RequestError::ContentType { found, expected: "application/json" }.into());
         }
         parse(&bytes).map(Self)
     }
@@ -92,7 +94,7 @@ impl<T: DeserializeOwned + Send + 'static> FromRequest<App> for ReadingsBody<T> 
             return parsed(request, app, parse).await.map(Self);
         }
         let expected = "application/json or application/msgpack";
-        Err(Refusal::ContentType { found, expected })
+        Err(RequestError::ContentType { found, expected }.into())
     }
 }
 
@@ -122,7 +124,7 @@ impl FromRequestParts<App> for Segment1 {
     async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, Refusal> {
         let segment = Path::<String>::from_request_parts(parts, app).await;
         let Path(segment) =
-            segment.map_err(|error| Refusal::Unreadable { reason: error.body_text() })?;
+            segment.map_err(|error| RequestError::Unreadable { reason: error.body_text() })?;
         Ok(Self(segment))
     }
 }
@@ -133,7 +135,7 @@ impl FromRequestParts<App> for Segment2 {
     async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, Refusal> {
         let segments = Path::<(String, String)>::from_request_parts(parts, app).await;
         let Path((first, second)) =
-            segments.map_err(|error| Refusal::Unreadable { reason: error.body_text() })?;
+            segments.map_err(|error| RequestError::Unreadable { reason: error.body_text() })?;
         Ok(Self(first, second))
     }
 }
@@ -144,7 +146,7 @@ impl FromRequestParts<App> for Segment3 {
     async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, Refusal> {
         let segments = Path::<(String, String, String)>::from_request_parts(parts, app).await;
         let Path((first, second, third)) =
-            segments.map_err(|error| Refusal::Unreadable { reason: error.body_text() })?;
+            segments.map_err(|error| RequestError::Unreadable { reason: error.body_text() })?;
         Ok(Self(first, second, third))
     }
 }
@@ -152,13 +154,13 @@ impl FromRequestParts<App> for Segment3 {
 /// The revision in a request's `If-Match`, as written by our `ETag`s.
 ///
 /// # Errors
-/// [`Refusal::RevisionMissing`] without the header, [`Refusal::Invalid`] when it is not one of our
+/// [`RequestError::RevisionMissing`] without the header, [`Cause::Invalid`] when it is not one of our
 /// tags.
 pub(crate) fn if_match(headers: &HeaderMap) -> Result<u64, Refusal> {
-    let value = headers.get(header::IF_MATCH).ok_or(Refusal::RevisionMissing)?;
+    let value = headers.get(header::IF_MATCH).ok_or(RequestError::RevisionMissing)?;
     revision(headers, &header::IF_MATCH).ok_or_else(|| {
         let detail = format!("came {value:?}, expected the `ETag` of what is changed");
-        Refusal::field("header:if-match", detail)
+        Cause::field("header:if-match", detail).into()
     })
 }
 
@@ -216,7 +218,7 @@ fn query_refusal(error: &QueryRejection) -> Refusal {
         }
         _ => plain::words(&detail),
     };
-    Refusal::field(format!("?{name}"), detail)
+    Cause::field(format!("?{name}"), detail).into()
 }
 
 fn json_refusal(pointer: String, error: &serde_json::Error) -> Refusal {
@@ -229,13 +231,13 @@ fn json_refusal(pointer: String, error: &serde_json::Error) -> Refusal {
 fn wrong_value(pointer: String, detail: String) -> Refusal {
     let missing = named_field(&detail).filter(|_| detail.starts_with("missing field"));
     let pointer = missing.map_or(pointer.clone(), |name| format!("{pointer}/{name}"));
-    Refusal::field(pointer, plain::words(&detail))
+    Cause::field(pointer, plain::words(&detail)).into()
 }
 
 /// The refusal of a body that cannot be read from `pointer` on.
 fn malformed(format: &'static str, pointer: String, reason: String) -> Refusal {
     let errors = vec![FieldError { pointer, detail: reason.clone() }];
-    Refusal::Malformed { format, reason, errors }
+    RequestError::Malformed { format, reason, errors }.into()
 }
 
 fn pointer(path: &serde_path_to_error::Path) -> String {
@@ -275,12 +277,12 @@ async fn read(request: Request, max: usize) -> Result<Bytes, Refusal> {
         && !encoding.as_bytes().eq_ignore_ascii_case(b"identity")
     {
         let found = String::from_utf8_lossy(encoding.as_bytes()).into_owned();
-        return Err(Refusal::ContentEncoding { found });
+        return Err(RequestError::ContentEncoding { found }.into());
     }
     let length = request.body().size_hint().lower();
     if length > max as u64 {
-        return Err(Refusal::BodyTooLarge { max });
+        return Err(RequestError::BodyTooLarge { max }.into());
     }
     let read = axum::body::to_bytes(request.into_body(), max).await;
-    read.map_err(|error| Refusal::Unreadable { reason: error.to_string() })
+    read.map_err(|error| RequestError::Unreadable { reason: error.to_string() }.into())
 }

@@ -10,6 +10,7 @@ mod adding;
 pub(crate) mod belief;
 pub(crate) mod checkpoints;
 mod ending;
+pub(crate) mod error;
 mod explain;
 mod folding;
 mod memory;
@@ -38,10 +39,11 @@ use palpate_store::entity::Session;
 use tokio::sync::broadcast;
 
 use crate::asker::Asker;
+use crate::cause::Cause;
 use crate::compute::{ComputeError, Length, Place, Pool};
 use crate::known_sensors::KnownSensors;
 use crate::model::Model;
-use crate::refusal::Refusal;
+use crate::wire::Invalid;
 use crate::wire::belief::{belief, top};
 use crate::wire::geometry;
 use crate::wire::life::Status;
@@ -51,6 +53,7 @@ use account::Account;
 pub(crate) use account::Total;
 use belief::{ObjectMarginals, SessionBelief, check};
 use checkpoints::Checkpoints;
+use error::LiveError;
 use folding::Folding;
 use readings::{Readings, Ready};
 pub(crate) use replay::ReplayQuestion;
@@ -143,7 +146,7 @@ impl Live {
     }
 
     /// Refuses readings that the session's method cannot fold; none of them is stored.
-    pub(crate) fn check(&self, readings: &[Incoming]) -> Result<(), Refusal> {
+    pub(crate) fn check(&self, readings: &[Incoming]) -> Result<(), Invalid> {
         check(&self.session, &self.model, readings)
     }
 
@@ -154,7 +157,7 @@ impl Live {
         folding: Folding,
         place: Place,
         length: u64,
-    ) -> Result<wire::Belief, Refusal> {
+    ) -> Result<wire::Belief, LiveError> {
         let answer = self.ask(state, folding, place, length, answer(POSES)).await?;
         let belief = self.shown(length, &answer);
         state.remember(&belief);
@@ -169,7 +172,7 @@ impl Live {
         tools: &Tools<'_>,
         poses: usize,
         known_revision: Option<u64>,
-    ) -> Result<Option<wire::Belief>, Refusal> {
+    ) -> Result<Option<wire::Belief>, LiveError> {
         let mut state = self.turns.take().await?;
         let length = tools.store.journal().len(self.session.id)?;
         if known_revision == Some(length) {
@@ -189,7 +192,7 @@ impl Live {
         tools: &Tools<'_>,
         object: Option<&str>,
         known_revision: Option<u64>,
-    ) -> Result<Option<wire::Marginals>, Refusal> {
+    ) -> Result<Option<wire::Marginals>, LiveError> {
         let object = object.map(|reference| self.object(reference)).transpose()?;
         let mut state = self.turns.take().await?;
         let length = tools.store.journal().len(self.session.id)?;
@@ -200,24 +203,24 @@ impl Live {
         let ask = move |belief: &SessionBelief| belief.marginals(object);
         let found =
             self.ask(&mut state, self.folding(tools, Vec::new()), place, length, ask).await?;
-        let marginals = found.ok_or(Refusal::NoMarginals { session: self.session.id })?;
+        let marginals = found.ok_or(LiveError::NoMarginals { session: self.session.id })?;
         let ObjectMarginals { object, probability, marginals } = marginals;
         let object = &self.model.objects[object.0 as usize];
         let id = self.session.id;
         Ok(Some(geometry::marginals(id, length, object, probability, &marginals)))
     }
 
-    fn status(&self, store: &Database, now: u64) -> Result<Status, Refusal> {
+    fn status(&self, store: &Database, now: u64) -> Result<Status, LiveError> {
         let session = store.sessions().find(self.session.id)?.ok_or_else(|| self.unknown())?;
         Ok(status(store, &session, now)?)
     }
 
-    fn unknown(&self) -> Refusal {
-        Refusal::NotFound { what: "session", reference: self.session.id.to_string() }
+    fn unknown(&self) -> Cause {
+        Cause::NotFound { what: "session", reference: self.session.id.to_string() }
     }
 
     /// A slot to compute. Without a belief to answer it is taken only for followers.
-    fn place(&self, tools: &Tools<'_>, detail: BeliefDetail) -> Result<Option<Place>, Refusal> {
+    fn place(&self, tools: &Tools<'_>, detail: BeliefDetail) -> Result<Option<Place>, LiveError> {
         match detail {
             BeliefDetail::Full | BeliefDetail::Top => Ok(Some(tools.pool.place()?)),
             BeliefDetail::None if self.is_followed() => Ok(tools.pool.place().ok()),
@@ -233,7 +236,7 @@ impl Live {
         place: Place,
         length: u64,
         question: impl FnOnce(&SessionBelief) -> T + Send + 'static,
-    ) -> Result<T, Refusal> {
+    ) -> Result<T, LiveError> {
         let mut memory = std::mem::take(&mut state.memory);
         let missing = (length as usize).saturating_sub(memory.chronicle.len());
         let work_length = self.length_of(missing, &folding);
@@ -252,7 +255,10 @@ impl Live {
         let answer = match place.run_as(work_length, work).await {
             Ok((memory, answer)) => {
                 // The part folded before its asker left is kept.
-                if matches!(answer, Ok(_) | Err(Refusal::Compute(ComputeError::Stopped))) {
+                if matches!(
+                    answer,
+                    Ok(_) | Err(LiveError::Cause(Cause::Compute(ComputeError::Stopped)))
+                ) {
                     state.memory = memory;
                 }
                 answer
@@ -271,12 +277,12 @@ impl Live {
         &self.model
     }
 
-    fn object(&self, reference: &str) -> Result<ObjectIdx, Refusal> {
+    fn object(&self, reference: &str) -> Result<ObjectIdx, LiveError> {
         let found = self.model.find(reference).ok_or_else(|| {
             let (name, version) = (&self.model.name, self.model.version);
             let detail =
                 format!("version {version} of catalogue {name:?} does not know {reference:?}");
-            Refusal::field("?object", detail)
+            Cause::field("?object", detail)
         })?;
         Ok(ObjectIdx(found as u32))
     }

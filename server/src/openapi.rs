@@ -21,7 +21,7 @@ use utoipa::openapi::path::{Operation, ParameterIn, PathItem};
 use utoipa::openapi::security::{Http, HttpAuthScheme, SecurityRequirement, SecurityScheme};
 use utoipa::openapi::{Content, Header, OpenApi, Ref, RefOr, Response};
 
-use crate::problem::CONTENT_TYPE;
+use crate::problem::body::CONTENT_TYPE;
 use crate::roles::{self, Rule, Who};
 use crate::routes;
 

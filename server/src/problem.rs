@@ -1,45 +1,94 @@
 //! Errors as HTTP, in the form of RFC 9457: the only place that knows statuses.
 //!
-//! A handler's [`Refusal`] becomes a draft in the response's extensions; [`finish`], the last
-//! layer, adds path and request id and writes the body. Errors of the framework carry no
+//! A handler's [`Refusal`] becomes a draft in the response's extensions; [`body::finish`], the
+//! last layer, adds path and request id and writes the body. Errors of the framework carry no
 //! draft and get one by their status.
 
+pub(crate) mod body;
+
+use std::fmt::Display;
 use std::time::Duration;
 
-use axum::body::Body;
 use axum::http::{HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use palpate_schemas::{FieldError, Problem, ProblemType};
+use palpate_schemas::{FieldError, ProblemType};
 use palpate_store::engine::EngineError;
 use palpate_store::error::StoreError;
 
+use body::Draft;
+
+use crate::budget::ShareFull;
+use crate::cause::Cause;
 use crate::compute::ComputeError;
 use crate::known_sensors::UnknownSensor;
 use crate::limits::{Bound, retry_after};
-use crate::refusal::{KeyFault, Refusal};
+use crate::live::error::LiveError;
+use crate::refusal::Refusal;
+use crate::refusal::access::AccessError;
+use crate::refusal::load::LoadError;
+use crate::refusal::request::RequestError;
 use crate::secret::redacted;
+use crate::services::catalogues::error::CatalogueError;
+use crate::services::jobs::error::JobError;
+use crate::services::keys::error::{KeyError, KeyFault};
+use crate::services::objects::error::ObjectError;
+use crate::services::sessions::error::SessionError;
 use crate::wire::Invalid;
 use crate::wire::object::FormatError;
-
-/// The content type of every error.
-pub(crate) const CONTENT_TYPE: &str = "application/problem+json";
 
 /// Time after which a robot may retry a request to an overloaded server.
 const RETRY_AFTER: Duration = Duration::from_secs(1);
 /// Maximum time after which a robot may retry when there are too many sessions.
 const SESSION_WAIT: Duration = Duration::from_secs(10);
 
-/// A problem without its request.
-#[derive(Clone, Debug)]
-struct Draft {
+/// What HTTP says of an error beside its words.
+struct Answer {
     kind: ProblemType,
-    detail: String,
+    /// The fields at fault.
     errors: Vec<FieldError>,
+    /// Time of a retry; `None` when a retry would not help.
+    wait: Option<Duration>,
+    /// The limit that was exceeded, if any.
+    bound: Option<Bound>,
+    header: Option<(HeaderName, HeaderValue)>,
+}
+
+impl From<ProblemType> for Answer {
+    fn from(kind: ProblemType) -> Self {
+        let is_passing = matches!(
+            kind,
+            ProblemType::Overloaded | ProblemType::Unavailable | ProblemType::TooManyRequests
+        );
+        let wait = is_passing.then_some(RETRY_AFTER);
+        Self { kind, errors: Vec::new(), wait, bound: None, header: None }
+    }
+}
+
+impl Answer {
+    /// An error of one field.
+    fn at(kind: ProblemType, pointer: &str, error: &dyn Display) -> Self {
+        let (pointer, detail) = (pointer.to_owned(), error.to_string());
+        Self { errors: vec![FieldError { pointer, detail }], ..kind.into() }
+    }
+
+    /// An exhausted limit on concurrent use.
+    fn used_up(kind: ProblemType, name: &'static str, unit: &'static str, limit: usize) -> Self {
+        Self { bound: Some(Bound::used_up(name, unit, limit)), ..kind.into() }
+    }
+
+    /// A limit on the rate.
+    fn too_fast(bound: Bound, wait: Duration) -> Self {
+        Self { wait: Some(wait), bound: Some(bound), ..ProblemType::TooManyRequests.into() }
+    }
+
+    fn with_header(kind: ProblemType, name: HeaderName, value: Option<HeaderValue>) -> Self {
+        Self { header: value.map(|value| (name, value)), ..kind.into() }
+    }
 }
 
 impl IntoResponse for Refusal {
     fn into_response(self) -> Response {
-        let kind = kind(&self);
+        let Answer { kind, errors, wait, bound, header } = refusal(&self);
         if status(kind).is_server_error() && !matches!(kind, ProblemType::Overloaded) {
             let words = self.to_string();
             let words = redacted(&words);
@@ -51,112 +100,236 @@ impl IntoResponse for Refusal {
         };
         let mut response = status(kind).into_response();
         let headers_of = response.headers_mut();
-        headers_of.extend(wait(&self, kind).map(retry_after));
-        headers_of.extend(bound(&self).iter().flat_map(Bound::headers));
-        headers_of.extend(headers(&self));
-        response.extensions_mut().insert(Draft { kind, detail, errors: errors(self) });
+        headers_of.extend(wait.map(retry_after));
+        headers_of.extend(bound.iter().flat_map(Bound::headers));
+        headers_of.extend(header);
+        response.extensions_mut().insert(Draft { kind, detail, errors });
         response
     }
 }
 
-/// Time of a retry; `None` when a retry would not help.
-fn wait(refusal: &Refusal, kind: ProblemType) -> Option<Duration> {
-    match (refusal, kind) {
-        // Waiting does not make a model smaller.
-        (Refusal::ModelTooLarge { .. }, _) => None,
-        (Refusal::RateExceeded { wait, .. } | Refusal::FailuresExceeded { wait, .. }, _) => {
-            Some(*wait)
-        }
-        // Sessions are closed all the time, so an earlier retry is worthwhile.
-        (Refusal::SessionsFull { wait, .. }, _) => {
-            Some(wait.unwrap_or(SESSION_WAIT).min(SESSION_WAIT))
-        }
-        (_, ProblemType::Overloaded | ProblemType::Unavailable | ProblemType::TooManyRequests) => {
-            Some(RETRY_AFTER)
-        }
-        _ => None,
-    }
-}
-
-/// The limit that was exceeded, if any.
-fn bound(refusal: &Refusal) -> Option<Bound> {
-    Some(match refusal {
-        Refusal::RateExceeded { bound, .. } | Refusal::FailuresExceeded { bound, .. } => *bound,
-        Refusal::SessionsFull { max, .. } => Bound::used_up("sessions", "sessions", *max),
-        Refusal::SessionBusy { waiting } => {
-            Bound::used_up("session", "concurrent-requests", *waiting)
-        }
-        Refusal::RequestsFull { under_way } => {
-            Bound::used_up("concurrency", "concurrent-requests", *under_way)
-        }
-        Refusal::StreamsFull { open } => Bound::used_up("streams", "streams", *open),
-        Refusal::TrainingQueueFull { waiting } => {
-            Bound::used_up("trainings", "trainings", *waiting)
-        }
-        Refusal::BeliefsFull { max, .. } => Bound::used_up("beliefs", "bytes", *max),
-        Refusal::BodiesFull { max, .. } => Bound::used_up("bodies", "content-bytes", *max),
-        Refusal::AnswersFull { max, .. } => Bound::used_up("answers", "content-bytes", *max),
-        Refusal::ConnectionsFull { open } => Bound::used_up("connections", "connections", *open),
-        Refusal::ShareFull { name, unit, total, .. } => Bound::used_up(name, unit, *total),
-        Refusal::Store(StoreError::Engine(EngineError::OverQuota { quota, .. })) => Bound::used_up(
-            "storage",
-            "content-bytes",
-            usize::try_from(*quota).unwrap_or(usize::MAX),
-        ),
-        Refusal::Compute(ComputeError::Full { places }) => {
-            Bound::used_up("compute", "places", *places)
-        }
-        _ => return None,
-    })
-}
-
-/// Further headers of some refusals.
-fn headers(refusal: &Refusal) -> Option<(HeaderName, HeaderValue)> {
+fn refusal(refusal: &Refusal) -> Answer {
     match refusal {
-        Refusal::Unauthenticated(KeyFault::Missing) => {
-            let asks = HeaderValue::from_static("Bearer realm=\"palpate\"");
-            Some((header::WWW_AUTHENTICATE, asks))
+        Refusal::Cause(error) => cause(error),
+        Refusal::Key(error) => key(error),
+        Refusal::Object(error) => object(error),
+        Refusal::Catalogue(error) => catalogue(error),
+        Refusal::Session(error) => session(error),
+        Refusal::Job(error) => job(error),
+        Refusal::Access(error) => access(error),
+        Refusal::Request(error) => request(error),
+        Refusal::Load(error) => load(error),
+        Refusal::NotReady(readiness) => {
+            let failed = readiness.checks.iter().filter(|check| !check.passed).cloned();
+            let failed = failed.map(|it| FieldError { pointer: it.name, detail: it.detail });
+            Answer { errors: failed.collect(), ..ProblemType::Unavailable.into() }
         }
-        Refusal::Unauthenticated(_) => {
-            let asks =
-                HeaderValue::from_static("Bearer realm=\"palpate\", error=\"invalid_token\"");
-            Some((header::WWW_AUTHENTICATE, asks))
-        }
-        Refusal::OtherMethod { allow } => {
-            HeaderValue::from_str(allow).ok().map(|allow| (header::ALLOW, allow))
-        }
-        _ => None,
     }
 }
 
-/// Adds the body of an error; other responses pass unchanged.
-pub(crate) fn finish(response: Response, path: &str, request_id: &str) -> Response {
-    let found = response.status();
-    if !(found.is_client_error() || found.is_server_error()) {
-        return response;
+fn access(error: &AccessError) -> Answer {
+    match error {
+        AccessError::Unauthenticated(fault) => {
+            let asks = match fault {
+                KeyFault::Missing => "Bearer realm=\"palpate\"",
+                _ => "Bearer realm=\"palpate\", error=\"invalid_token\"",
+            };
+            let asks = Some(HeaderValue::from_static(asks));
+            Answer::with_header(ProblemType::Unauthenticated, header::WWW_AUTHENTICATE, asks)
+        }
+        AccessError::OtherMethod { allow } => {
+            let allow = HeaderValue::from_str(allow).ok();
+            Answer::with_header(ProblemType::MethodNotAllowed, header::ALLOW, allow)
+        }
+        AccessError::Forbidden { .. }
+        | AccessError::ForeignHost { .. }
+        | AccessError::ForeignOrigin { .. } => ProblemType::Forbidden.into(),
     }
-    let draft = response.extensions().get::<Draft>().cloned();
-    let draft = draft.unwrap_or_else(|| framework_draft(found, path));
-    let problem = Problem {
-        kind: draft.kind,
-        title: title(draft.kind).to_owned(),
-        status: status(draft.kind).as_u16(),
-        detail: draft.detail,
-        instance: path.to_owned(),
-        request_id: request_id.to_owned(),
-        errors: draft.errors,
-    };
-    let body = serde_json::to_vec(&problem).expect("a problem consists of strings and a number");
-    let (mut parts, _) = response.into_parts();
-    parts.status = status(draft.kind);
-    parts.headers.remove(header::CONTENT_LENGTH);
-    parts.headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(CONTENT_TYPE));
-    Response::from_parts(parts, Body::from(body))
+}
+
+fn request(error: &RequestError) -> Answer {
+    match error {
+        RequestError::Malformed { errors, .. } => {
+            Answer { errors: errors.clone(), ..ProblemType::MalformedRequest.into() }
+        }
+        RequestError::Unreadable { .. } => ProblemType::MalformedRequest.into(),
+        RequestError::BodyTooLarge { .. } => ProblemType::BodyTooLarge.into(),
+        RequestError::BodyTooSlow { .. } => ProblemType::Timeout.into(),
+        RequestError::ContentType { .. } => {
+            Answer::at(ProblemType::UnsupportedMediaType, "header:content-type", error)
+        }
+        RequestError::ContentEncoding { .. } => {
+            Answer::at(ProblemType::UnsupportedMediaType, "header:content-encoding", error)
+        }
+        RequestError::RevisionMissing => {
+            Answer::at(ProblemType::PreconditionRequired, "header:if-match", error)
+        }
+    }
+}
+
+fn load(error: &LoadError) -> Answer {
+    match error {
+        LoadError::RateExceeded { bound, wait } | LoadError::FailuresExceeded { bound, wait } => {
+            Answer::too_fast(*bound, *wait)
+        }
+        LoadError::RequestsFull { under_way } => {
+            overloaded("concurrency", "concurrent-requests", *under_way)
+        }
+        LoadError::StreamsFull { open } => overloaded("streams", "streams", *open),
+        LoadError::BodiesFull { max, .. } => overloaded("bodies", "content-bytes", *max),
+        LoadError::AnswersFull { max, .. } => overloaded("answers", "content-bytes", *max),
+        LoadError::ConnectionsFull { open } => overloaded("connections", "connections", *open),
+        LoadError::ShareFull(error) => share(error),
+        LoadError::TooSlow { .. } => ProblemType::Overloaded.into(),
+    }
+}
+
+fn overloaded(name: &'static str, unit: &'static str, limit: usize) -> Answer {
+    Answer::used_up(ProblemType::Overloaded, name, unit, limit)
+}
+
+fn share(ShareFull { name, unit, total, .. }: &ShareFull) -> Answer {
+    Answer::used_up(ProblemType::TooManyRequests, name, unit, *total)
+}
+
+fn cause(error: &Cause) -> Answer {
+    match error {
+        Cause::NotFound { .. } | Cause::UnknownSensor(UnknownSensor::Sensor { .. }) => {
+            ProblemType::NotFound.into()
+        }
+        Cause::Invalid(error) => invalid(error),
+        Cause::Needed { .. } | Cause::ReadingsFull { .. } => ProblemType::WrongState.into(),
+        Cause::ReadingConflict { pointer, .. } => Answer::at(ProblemType::Conflict, pointer, error),
+        Cause::Compute(ComputeError::Full { places }) => overloaded("compute", "places", *places),
+        Cause::Compute(ComputeError::Stopped) => ProblemType::Overloaded.into(),
+        Cause::Store(error) | Cause::UnknownSensor(UnknownSensor::Store(error)) => store(error),
+        Cause::Compute(ComputeError::Panicked)
+        | Cause::Unusable { .. }
+        | Cause::UnknownSensor(UnknownSensor::Calibration { .. })
+        | Cause::Panicked => ProblemType::Internal.into(),
+    }
+}
+
+fn invalid(Invalid(errors): &Invalid) -> Answer {
+    Answer { errors: errors.clone(), ..ProblemType::InvalidValue.into() }
+}
+
+fn store(error: &StoreError) -> Answer {
+    match error {
+        StoreError::NotFound { .. } | StoreError::NoVersion { .. } => ProblemType::NotFound.into(),
+        StoreError::NameTaken { .. } => Answer::at(ProblemType::Conflict, "/name", error),
+        StoreError::Exists { .. } | StoreError::Changed { .. } => ProblemType::Conflict.into(),
+        StoreError::Damaged { .. } | StoreError::Model { .. } => ProblemType::Damaged.into(),
+        StoreError::Engine(error) => engine(error),
+    }
+}
+
+fn engine(error: &EngineError) -> Answer {
+    match error {
+        EngineError::Full { .. } => ProblemType::StorageFull.into(),
+        EngineError::OverQuota { quota, .. } => {
+            let quota = usize::try_from(*quota).unwrap_or(usize::MAX);
+            Answer::used_up(ProblemType::QuotaExceeded, "storage", "content-bytes", quota)
+        }
+        EngineError::Busy { .. }
+        | EngineError::CutsUnderWay { .. }
+        | EngineError::CutTooLarge { .. } => ProblemType::Overloaded.into(),
+        EngineError::Poisoned | EngineError::Stopped | EngineError::NoRoomToCompact { .. } => {
+            ProblemType::Unavailable.into()
+        }
+        _ => ProblemType::Internal.into(),
+    }
+}
+
+fn key(error: &KeyError) -> Answer {
+    match error {
+        KeyError::RobotHeld { pointer, .. } => Answer::at(ProblemType::Forbidden, pointer, error),
+        KeyError::RobotsFull { .. }
+        | KeyError::LastAdmin { .. }
+        | KeyError::Refused { .. }
+        | KeyError::Full { .. } => ProblemType::WrongState.into(),
+        KeyError::NoRandom(_) => ProblemType::Internal.into(),
+        KeyError::Cause(error) => cause(error),
+    }
+}
+
+fn object(error: &ObjectError) -> Answer {
+    match error {
+        ObjectError::InTraining { .. } => ProblemType::WrongState.into(),
+        ObjectError::Format(FormatError::ContentType { .. }) => {
+            Answer::at(ProblemType::UnsupportedMediaType, "header:content-type", error)
+        }
+        ObjectError::Format(FormatError::Invalid(error)) => invalid(error),
+        ObjectError::Cause(error) => cause(error),
+    }
+}
+
+fn catalogue(error: &CatalogueError) -> Answer {
+    match error {
+        CatalogueError::NoVersion { .. } => ProblemType::NotFound.into(),
+        CatalogueError::Untrained { .. } | CatalogueError::NoPart(_) => {
+            ProblemType::WrongState.into()
+        }
+        CatalogueError::RevisionChanged { .. } => {
+            Answer::at(ProblemType::PreconditionFailed, "header:if-match", error)
+        }
+        // Waiting does not make a model smaller.
+        CatalogueError::ModelTooLarge { .. } => {
+            Answer { wait: None, ..ProblemType::Unavailable.into() }
+        }
+        CatalogueError::ModelsInUse { .. } => ProblemType::Overloaded.into(),
+        CatalogueError::Quarantined { .. } => ProblemType::Damaged.into(),
+        CatalogueError::Unreadable(_) => ProblemType::Internal.into(),
+        CatalogueError::Cause(error) => cause(error),
+    }
+}
+
+fn live(error: &LiveError) -> Answer {
+    match error {
+        LiveError::Ended { .. } => ProblemType::SessionEnded.into(),
+        LiveError::Busy { waiting } => Answer::used_up(
+            ProblemType::TooManyRequests,
+            "session",
+            "concurrent-requests",
+            *waiting,
+        ),
+        LiveError::NoMarginals { .. }
+        | LiveError::NoNextTouches { .. }
+        | LiveError::NoTouch { .. }
+        | LiveError::TooManyToExplain { .. } => ProblemType::WrongState.into(),
+        LiveError::BeliefsFull { max, .. } => overloaded("beliefs", "bytes", *max),
+        LiveError::Cause(error) => cause(error),
+    }
+}
+
+fn session(error: &SessionError) -> Answer {
+    match error {
+        // Sessions are closed all the time, so an earlier retry is worthwhile.
+        SessionError::Full { max, wait } => Answer::too_fast(
+            Bound::used_up("sessions", "sessions", *max),
+            wait.unwrap_or(SESSION_WAIT).min(SESSION_WAIT),
+        ),
+        SessionError::ShareFull(error) => share(error),
+        SessionError::OtherTruth(_) => ProblemType::Conflict.into(),
+        SessionError::Live(error) => live(error),
+        SessionError::Catalogue(error) => catalogue(error),
+        SessionError::Key(error) => key(error),
+        SessionError::Cause(error) => cause(error),
+    }
+}
+
+fn job(error: &JobError) -> Answer {
+    match error {
+        JobError::Finished { .. } => ProblemType::WrongState.into(),
+        JobError::QueueFull { waiting } => overloaded("trainings", "trainings", *waiting),
+        JobError::Catalogue(error) => catalogue(error),
+        JobError::Cause(error) => cause(error),
+    }
 }
 
 /// The response to a handler that panicked.
 pub(crate) fn panicked(_: Box<dyn std::any::Any + Send>) -> Response {
-    Refusal::Panicked.into_response()
+    Refusal::from(Cause::Panicked).into_response()
 }
 
 fn framework_draft(found: StatusCode, path: &str) -> Draft {
@@ -187,123 +360,6 @@ fn framework_draft(found: StatusCode, path: &str) -> Draft {
     Draft { kind, detail, errors: Vec::new() }
 }
 
-fn kind(refusal: &Refusal) -> ProblemType {
-    match refusal {
-        Refusal::NotFound { .. }
-        | Refusal::NoVersion { .. }
-        | Refusal::UnknownSensor(UnknownSensor::Sensor { .. }) => ProblemType::NotFound,
-        Refusal::Unauthenticated(_) => ProblemType::Unauthenticated,
-        Refusal::Forbidden { .. }
-        | Refusal::ForeignHost { .. }
-        | Refusal::ForeignOrigin { .. }
-        | Refusal::RobotHeld { .. } => ProblemType::Forbidden,
-        Refusal::OtherMethod { .. } => ProblemType::MethodNotAllowed,
-        Refusal::Malformed { .. } | Refusal::Unreadable { .. } => ProblemType::MalformedRequest,
-        Refusal::BodyTooLarge { .. } => ProblemType::BodyTooLarge,
-        Refusal::BodyTooSlow { .. } => ProblemType::Timeout,
-        Refusal::ContentType { .. }
-        | Refusal::Format(FormatError::ContentType { .. })
-        | Refusal::ContentEncoding { .. } => ProblemType::UnsupportedMediaType,
-        Refusal::Invalid(_) | Refusal::Format(FormatError::Invalid(_)) => ProblemType::InvalidValue,
-        Refusal::ReadingConflict { .. } | Refusal::OtherTruth(_) => ProblemType::Conflict,
-        Refusal::SessionEnded { .. } => ProblemType::SessionEnded,
-        Refusal::RateExceeded { .. }
-        | Refusal::FailuresExceeded { .. }
-        | Refusal::ShareFull { .. }
-        | Refusal::SessionsFull { .. }
-        | Refusal::SessionBusy { .. } => ProblemType::TooManyRequests,
-        Refusal::TooManyToExplain { .. }
-        | Refusal::Untrained { .. }
-        | Refusal::NoPart(_)
-        | Refusal::NoMarginals { .. }
-        | Refusal::NoNextTouches { .. }
-        | Refusal::NoTouch { .. }
-        | Refusal::ReadingsFull { .. }
-        | Refusal::JobFinished { .. }
-        | Refusal::LastAdmin { .. }
-        | Refusal::KeyRefused { .. }
-        | Refusal::KeysFull { .. }
-        | Refusal::RobotsFull { .. }
-        | Refusal::Needed { .. }
-        | Refusal::ObjectInTraining { .. } => ProblemType::WrongState,
-        Refusal::RevisionChanged { .. } => ProblemType::PreconditionFailed,
-        Refusal::RevisionMissing => ProblemType::PreconditionRequired,
-        Refusal::TrainingQueueFull { .. }
-        | Refusal::StreamsFull { .. }
-        | Refusal::RequestsFull { .. }
-        | Refusal::BodiesFull { .. }
-        | Refusal::AnswersFull { .. }
-        | Refusal::ConnectionsFull { .. }
-        | Refusal::BeliefsFull { .. }
-        | Refusal::TooSlow { .. }
-        | Refusal::ModelsInUse { .. }
-        | Refusal::Compute(ComputeError::Full { .. } | ComputeError::Stopped) => {
-            ProblemType::Overloaded
-        }
-        Refusal::Quarantined { .. } => ProblemType::Damaged,
-        Refusal::NotReady(_) | Refusal::ModelTooLarge { .. } => ProblemType::Unavailable,
-        Refusal::Store(error) | Refusal::UnknownSensor(UnknownSensor::Store(error)) => {
-            store_kind(error)
-        }
-        Refusal::Compute(ComputeError::Panicked)
-        | Refusal::Unusable { .. }
-        | Refusal::UnreadableVersion(_)
-        | Refusal::UnknownSensor(UnknownSensor::Calibration { .. })
-        | Refusal::NoRandom
-        | Refusal::Panicked => ProblemType::Internal,
-    }
-}
-
-fn store_kind(error: &StoreError) -> ProblemType {
-    match error {
-        StoreError::NotFound { .. } | StoreError::NoVersion { .. } => ProblemType::NotFound,
-        StoreError::Exists { .. } | StoreError::NameTaken { .. } | StoreError::Changed { .. } => {
-            ProblemType::Conflict
-        }
-        StoreError::Engine(EngineError::Full { .. }) => ProblemType::StorageFull,
-        StoreError::Engine(EngineError::OverQuota { .. }) => ProblemType::QuotaExceeded,
-        StoreError::Engine(
-            EngineError::Busy { .. }
-            | EngineError::CutsUnderWay { .. }
-            | EngineError::CutTooLarge { .. },
-        ) => ProblemType::Overloaded,
-        StoreError::Engine(
-            EngineError::Poisoned | EngineError::Stopped | EngineError::NoRoomToCompact { .. },
-        ) => ProblemType::Unavailable,
-        StoreError::Damaged { .. } | StoreError::Model { .. } => ProblemType::Damaged,
-        StoreError::Engine(_) => ProblemType::Internal,
-    }
-}
-
-fn errors(refusal: Refusal) -> Vec<FieldError> {
-    let detail = refusal.to_string();
-    match refusal {
-        Refusal::Invalid(Invalid(errors))
-        | Refusal::Format(FormatError::Invalid(Invalid(errors)))
-        | Refusal::Malformed { errors, .. } => errors,
-        Refusal::Store(StoreError::NameTaken { .. }) => {
-            vec![FieldError { pointer: "/name".to_owned(), detail }]
-        }
-        Refusal::ReadingConflict { pointer, .. } | Refusal::RobotHeld { pointer, .. } => {
-            vec![FieldError { pointer, detail }]
-        }
-        Refusal::ContentType { .. } | Refusal::Format(FormatError::ContentType { .. }) => {
-            vec![FieldError { pointer: "header:content-type".to_owned(), detail }]
-        }
-        Refusal::ContentEncoding { .. } => {
-            vec![FieldError { pointer: "header:content-encoding".to_owned(), detail }]
-        }
-        Refusal::RevisionChanged { .. } | Refusal::RevisionMissing => {
-            vec![FieldError { pointer: "header:if-match".to_owned(), detail }]
-        }
-        Refusal::NotReady(readiness) => {
-            let failed = readiness.checks.into_iter().filter(|check| !check.passed);
-            failed.map(|check| FieldError { pointer: check.name, detail: check.detail }).collect()
-        }
-        _ => Vec::new(),
-    }
-}
-
 fn status(kind: ProblemType) -> StatusCode {
     match kind {
         ProblemType::MalformedRequest => StatusCode::BAD_REQUEST,
@@ -325,31 +381,5 @@ fn status(kind: ProblemType) -> StatusCode {
         ProblemType::Overloaded | ProblemType::Unavailable => StatusCode::SERVICE_UNAVAILABLE,
         ProblemType::StorageFull => StatusCode::INSUFFICIENT_STORAGE,
         ProblemType::Damaged | ProblemType::Internal => StatusCode::INTERNAL_SERVER_ERROR,
-    }
-}
-
-fn title(kind: ProblemType) -> &'static str {
-    match kind {
-        ProblemType::MalformedRequest => "Malformed request",
-        ProblemType::Unauthenticated => "Authentication required",
-        ProblemType::Forbidden => "Forbidden",
-        ProblemType::NotFound => "Not found",
-        ProblemType::MethodNotAllowed => "Method not allowed",
-        ProblemType::Timeout => "Request timeout",
-        ProblemType::WrongState => "Invalid state",
-        ProblemType::Conflict => "Conflict",
-        ProblemType::QuotaExceeded => "Storage quota exceeded",
-        ProblemType::SessionEnded => "Session ended",
-        ProblemType::TooManyRequests => "Rate limit exceeded",
-        ProblemType::PreconditionFailed => "Precondition failed",
-        ProblemType::PreconditionRequired => "Precondition required",
-        ProblemType::BodyTooLarge => "Body too large",
-        ProblemType::UnsupportedMediaType => "Unsupported media type",
-        ProblemType::InvalidValue => "Invalid value",
-        ProblemType::Overloaded => "Server overloaded",
-        ProblemType::Unavailable => "Service unavailable",
-        ProblemType::StorageFull => "Storage full",
-        ProblemType::Damaged => "Stored data damaged",
-        ProblemType::Internal => "Internal error",
     }
 }

@@ -9,15 +9,15 @@ use std::collections::HashMap;
 use palpate_schemas::FieldError;
 use palpate_store::entity::{ReadingId, StoredReading};
 
-use crate::refusal::Refusal;
+use crate::cause::Cause;
 use crate::wire::Invalid;
 use crate::wire::reading::Incoming;
 
 /// The new readings. `stored` looks up the reading stored under a robot's number.
 pub(crate) fn new_readings(
     readings: &[Incoming],
-    stored: impl Fn(&ReadingId) -> Result<Option<StoredReading>, Refusal>,
-) -> Result<Vec<&Incoming>, Refusal> {
+    stored: impl Fn(&ReadingId) -> Result<Option<StoredReading>, Cause>,
+) -> Result<Vec<&Incoming>, Cause> {
     let mut new: Vec<&Incoming> = Vec::with_capacity(readings.len());
     let mut first: HashMap<&ReadingId, usize> = HashMap::new();
     for (index, reading) in readings.iter().enumerate() {
@@ -36,7 +36,7 @@ pub(crate) fn new_readings(
             None => new.push(reading),
             Some(before) if before.is_repeated_by(&reading.stored) => {}
             Some(_) => {
-                return Err(Refusal::ReadingConflict {
+                return Err(Cause::ReadingConflict {
                     pointer: format!("/readings/{index}"),
                     robot: id.robot.clone(),
                     seq: id.seq,
@@ -48,7 +48,7 @@ pub(crate) fn new_readings(
 }
 
 /// The refusal of two different readings of one request under one number.
-fn twice(id: &ReadingId, first: usize, second: usize) -> Refusal {
+fn twice(id: &ReadingId, first: usize, second: usize) -> Cause {
     let ReadingId { robot, seq } = id;
     let error = |index: usize, other: usize| FieldError {
         pointer: format!("/readings/{index}/seq"),

@@ -25,14 +25,14 @@ use crate::door::Door;
 use crate::middleware::headers::is_origin;
 use crate::middleware::telemetry;
 use crate::rate::Rates;
-use crate::refusal::Refusal;
 use crate::roles::Operations;
 use crate::router::router;
 use crate::services::audit::{Audit, is_essential};
 use crate::services::catalogues::Catalogues;
 use crate::services::integrity;
 use crate::services::jobs::Jobs;
-use crate::services::keys::{Keys, KeysError};
+use crate::services::keys::Keys;
+use crate::services::keys::error::OpenError;
 use crate::services::objects::Objects;
 use crate::services::sensors::Sensors;
 use crate::services::sessions::Sessions;
@@ -121,11 +121,11 @@ pub enum StartError {
     },
 }
 
-impl From<KeysError> for StartError {
-    fn from(error: KeysError) -> Self {
+impl From<OpenError> for StartError {
+    fn from(error: OpenError) -> Self {
         match error {
-            KeysError::Store(error) => Self::Store(error),
-            KeysError::Random(error) => Self::Random(error),
+            OpenError::Store(error) => Self::Store(error),
+            OpenError::Random(error) => Self::Random(error),
         }
     }
 }
@@ -307,9 +307,7 @@ async fn assemble(
         Arc::clone(&catalogues),
         &config,
     )?);
-    jobs.resume()
-        .await
-        .map_err(|refusal: Refusal| StartError::Jobs { reason: refusal.to_string() })?;
+    jobs.resume().await.map_err(|error| StartError::Jobs { reason: error.to_string() })?;
     let sessions = Arc::new(Sessions::new(
         store.clone(),
         Arc::clone(&catalogues),

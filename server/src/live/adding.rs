@@ -9,12 +9,13 @@ use palpate_store::error::StoreError;
 use palpate_store::journal::{Event, Journal, NewEntry};
 use tracing::Instrument;
 
+use super::error::LiveError;
 use super::readings::Ready;
 use super::state::State;
 use super::{Live, POSES, Tools, past, shown};
 use crate::asker::Asker;
+use crate::cause::Cause;
 use crate::clock::now_ms;
-use crate::refusal::Refusal;
 use crate::repeats::new_readings;
 use crate::wire::count;
 use crate::wire::life::Status;
@@ -53,7 +54,7 @@ impl Live {
         tools: &Tools<'_>,
         readings: Vec<Incoming>,
         detail: BeliefDetail,
-    ) -> Result<wire::ReadingsAdded, Refusal> {
+    ) -> Result<wire::ReadingsAdded, LiveError> {
         let mut state = self.turns.take().await?;
         let now = now_ms();
         let status = self.status(tools.store, now)?;
@@ -84,21 +85,22 @@ impl Live {
         tools: &Tools<'_>,
         status: &Status,
         readings: &[Incoming],
-    ) -> Result<Request, Refusal> {
+    ) -> Result<Request, LiveError> {
         let new = self.new_readings(tools.store, readings)?;
         if new.is_empty() {
             return Ok(Request::Repeat(self.revision_of(tools.store, readings)?));
         }
         if let Some(end) = status.end {
-            return Err(Refusal::SessionEnded { session: self.session.id, end });
+            return Err(LiveError::Ended { session: self.session.id, end });
         }
         if status.n_stored() + new.len() as u64 > tools.readings_max as u64 {
-            return Err(Refusal::ReadingsFull {
+            return Err(Cause::ReadingsFull {
                 what: "session",
                 found: status.n_stored(),
                 more: new.len(),
                 max: tools.readings_max,
-            });
+            }
+            .into());
         }
         let options = options(&self.session);
         let numbered = (status.length..).zip(new);
@@ -114,7 +116,7 @@ impl Live {
         tools: &Tools<'_>,
         revision: u64,
         detail: BeliefDetail,
-    ) -> Result<Option<wire::Belief>, Refusal> {
+    ) -> Result<Option<wire::Belief>, LiveError> {
         let remembered = state.remembered(revision);
         if remembered.is_some() || detail == BeliefDetail::None {
             return Ok(remembered);
@@ -131,7 +133,7 @@ impl Live {
         state: &mut State,
         tools: &Tools<'_>,
         Append { length, now, new, detail }: Append,
-    ) -> Result<Option<wire::Belief>, Refusal> {
+    ) -> Result<Option<wire::Belief>, LiveError> {
         let (place, key) = (self.place(tools, detail)?, Asker::current().key());
         let entries: Vec<NewEntry> = new.iter().map(|ready| ready.entry(now, key)).collect();
         let (journal, n_new) = (tools.store.journal(), new.len());
@@ -145,7 +147,7 @@ impl Live {
     }
 
     /// The pose of the session's first reading, if it has one.
-    fn first_pose(&self, store: &Database) -> Result<Option<Pose>, Refusal> {
+    fn first_pose(&self, store: &Database) -> Result<Option<Pose>, LiveError> {
         if let Some(known) = self.first_pose.get() {
             return Ok(*known);
         }
@@ -154,7 +156,7 @@ impl Live {
     }
 
     /// The revision of the belief that was answered to readings which are all known.
-    fn revision_of(&self, store: &Database, readings: &[Incoming]) -> Result<u64, Refusal> {
+    fn revision_of(&self, store: &Database, readings: &[Incoming]) -> Result<u64, LiveError> {
         let (journal, key) = (store.journal(), Asker::current().key());
         let mut revision = 0;
         for id in readings.iter().filter_map(|reading| reading.id.as_ref()) {
@@ -168,7 +170,7 @@ impl Live {
         &self,
         store: &Database,
         readings: &'a [Incoming],
-    ) -> Result<Vec<&'a Incoming>, Refusal> {
+    ) -> Result<Vec<&'a Incoming>, Cause> {
         let journal = store.journal();
         let key = Asker::current().key();
         new_readings(readings, |id| Ok(stored(&journal, self.session.id, id, key)?))

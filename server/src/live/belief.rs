@@ -29,7 +29,6 @@ use palpate_store::entity::{Session, StoredReading};
 use thiserror::Error;
 
 use crate::model::{Model, NoPart};
-use crate::refusal::Refusal;
 use crate::wire::Invalid;
 use crate::wire::geometry::core_prior;
 use crate::wire::next_touch::Question;
@@ -295,7 +294,7 @@ pub(crate) fn check(
     session: &Session,
     model: &Model,
     readings: &[Incoming],
-) -> Result<(), Refusal> {
+) -> Result<(), Invalid> {
     let options = options(session);
     let unfit = |(index, incoming): (usize, &Incoming)| {
         let (field, detail) = unfit(&options, model, incoming)?;
@@ -303,7 +302,7 @@ pub(crate) fn check(
     };
     let errors: Vec<FieldError> =
         readings.iter().enumerate().filter_map(unfit).take(ERRORS_MAX).collect();
-    if errors.is_empty() { Ok(()) } else { Err(Invalid(errors).into()) }
+    if errors.is_empty() { Ok(()) } else { Err(Invalid(errors)) }
 }
 
 /// The field of a reading that a method cannot fold, and the reason.

@@ -4,14 +4,14 @@ use palpate_schemas as wire;
 use palpate_store::database::Database;
 use palpate_store::journal::{Event, NewEntry};
 
+use super::error::LiveError;
 use super::{Live, Tools, answer};
 use crate::asker::Asker;
 use crate::clock::now_ms;
-use crate::refusal::Refusal;
 
 impl Live {
     /// Closes the session with the last entry of its journal. Closing it again changes nothing.
-    pub(crate) async fn close(&self, store: &Database) -> Result<(), Refusal> {
+    pub(crate) async fn close(&self, store: &Database) -> Result<(), LiveError> {
         let _turn = self.turns.insist().await;
         let now = now_ms();
         let status = self.status(store, now)?;
@@ -24,14 +24,14 @@ impl Live {
         let table = store.sessions();
         let noted = table.update(self.session.id, |session| {
             session.closed_at_ms = Some(now);
-            Ok::<(), Refusal>(())
+            Ok::<(), LiveError>(())
         });
         noted.await??;
         Ok(())
     }
 
     /// Deletes the session while no other request uses it.
-    pub(crate) async fn delete(&self, store: &Database) -> Result<(), Refusal> {
+    pub(crate) async fn delete(&self, store: &Database) -> Result<(), LiveError> {
         let _turn = self.turns.insist().await;
         store.remove_session(self.session.id).await?;
         Ok(())
@@ -42,7 +42,7 @@ impl Live {
         &self,
         tools: &Tools<'_>,
         truth: Option<usize>,
-    ) -> Result<wire::Truth, Refusal> {
+    ) -> Result<wire::Truth, LiveError> {
         let mut state = self.turns.insist().await;
         let length = tools.store.journal().len(self.session.id)?;
         let place = tools.pool.place()?;

@@ -10,13 +10,13 @@ use std::time::{Duration, Instant};
 use palpate_core::belief::answer::Answer;
 use palpate_schemas as wire;
 
+use super::error::LiveError;
 use super::folding::Folding;
 use super::readings::Ready;
 use super::replay::SLICE;
 use super::{Live, Tools};
 use crate::clock::now_ms;
 use crate::live::belief::SessionBelief;
-use crate::refusal::Refusal;
 use crate::wire::history::{self, Without};
 
 /// Maximum number of readings of an explained belief.
@@ -47,7 +47,7 @@ impl Live {
         &self,
         tools: &Tools<'_>,
         at: Option<u64>,
-    ) -> Result<wire::Explanation, Refusal> {
+    ) -> Result<wire::Explanation, LiveError> {
         let begun = Instant::now();
         let newest = self.status(tools.store, now_ms())?.length;
         let revision = at.unwrap_or(newest);
@@ -58,7 +58,7 @@ impl Live {
         while !comparison.is_complete() && begun.elapsed() < TIME_MAX {
             let slice = move || {
                 comparison.go_on()?;
-                Ok::<_, Refusal>(comparison)
+                Ok::<_, LiveError>(comparison)
             };
             comparison = tools.pool.place()?.run_long(slice).await??;
         }
@@ -70,12 +70,12 @@ impl Live {
 
 impl Comparison {
     /// Folds all readings of a revision, and prepares to leave out the first.
-    fn begin(folding: Folding, revision: usize) -> Result<Self, Refusal> {
+    fn begin(folding: Folding, revision: usize) -> Result<Self, LiveError> {
         let chronicle = folding.chronicle(revision)?;
         let order = chronicle.order();
         if order.len() > READINGS_MAX {
             let (session, found) = (folding.session.id, order.len());
-            return Err(Refusal::TooManyToExplain { session, found, max: READINGS_MAX });
+            return Err(LiveError::TooManyToExplain { session, found, max: READINGS_MAX });
         }
         let readings = folding.readings.ready(order)?;
         let before = folding.nothing()?.belief;
@@ -93,7 +93,7 @@ impl Comparison {
     }
 
     /// Works for a slice of time.
-    fn go_on(&mut self) -> Result<(), Refusal> {
+    fn go_on(&mut self) -> Result<(), LiveError> {
         let begun = Instant::now();
         while !self.is_complete() && begun.elapsed() < SLICE {
             let left_out = self.known.len();

@@ -10,13 +10,14 @@ use palpate_store::entity::Session;
 
 use super::belief::{BeliefError, SessionBelief};
 use super::checkpoints::{Checkpoint, Checkpoints};
+use super::error::LiveError;
 use super::memory::{Fold, Memory, Start};
 use super::order::{Chronicle, Touch, begins_with, stored_order};
 use super::readings::{ENTRIES_PER_READ, Readings, Ready};
 use crate::asker::Asker;
+use crate::cause::Cause;
 use crate::compute::ComputeError;
 use crate::model::Model;
-use crate::refusal::Refusal;
 
 /// Everything that folding needs on a thread of the pool.
 pub(crate) struct Folding {
@@ -37,7 +38,7 @@ impl Folding {
         &self,
         memory: &'memory mut Memory,
         length: usize,
-    ) -> Result<&'memory SessionBelief, Refusal> {
+    ) -> Result<&'memory SessionBelief, LiveError> {
         self.readings.tell(&mut memory.chronicle, length)?;
         memory.settle();
         let order = memory.chronicle.order().to_vec();
@@ -52,13 +53,13 @@ impl Folding {
             },
         };
         let folded = self.fold_on(&mut fold, &order, |fold| memory.note(fold, self.method));
-        if matches!(folded, Ok(()) | Err(Refusal::Compute(ComputeError::Stopped))) {
+        if matches!(folded, Ok(()) | Err(LiveError::Cause(Cause::Compute(ComputeError::Stopped)))) {
             // The next fold continues from its end.
             memory.keep(fold);
         }
         folded?;
         self.store(memory, READINGS_PER_CHECKPOINT);
-        memory.newest().ok_or_else(|| self.readings.gone())
+        Ok(memory.newest().ok_or_else(|| self.readings.gone())?)
     }
 
     /// Stores the newest belief if it includes `more` readings more than the stored one.
@@ -72,7 +73,7 @@ impl Folding {
     }
 
     /// The stored belief, if its readings are the first of `order`.
-    fn resumed(&self, order: &[Touch]) -> Result<Option<Fold>, Refusal> {
+    fn resumed(&self, order: &[Touch]) -> Result<Option<Fold>, LiveError> {
         let Some(checkpoint) = self.checkpoints.find(self.session.id) else { return Ok(None) };
         let Checkpoint { catalogue, version, order: rests_on, conclusions } = checkpoint;
         let is_ours = (catalogue, version) == (self.session.catalogue, self.session.version);
@@ -100,7 +101,7 @@ impl Folding {
         &self,
         length: usize,
         start: Option<Start>,
-    ) -> Result<SessionBelief, Refusal> {
+    ) -> Result<SessionBelief, LiveError> {
         let (order, begin) = match start {
             Some(start) => start,
             None => (self.chronicle(length)?.order().to_vec(), None),
@@ -114,21 +115,21 @@ impl Folding {
     }
 
     /// The chronicle of the journal's first `length` entries.
-    pub(super) fn chronicle(&self, length: usize) -> Result<Chronicle, Refusal> {
+    pub(super) fn chronicle(&self, length: usize) -> Result<Chronicle, LiveError> {
         let mut chronicle = Chronicle::default();
         self.readings.tell(&mut chronicle, length)?;
         chronicle.settle();
-        if chronicle.len() < length { Err(self.readings.gone()) } else { Ok(chronicle) }
+        if chronicle.len() < length { Err(self.readings.gone().into()) } else { Ok(chronicle) }
     }
 
     /// The belief before any reading.
-    pub(super) fn nothing(&self) -> Result<Fold, Refusal> {
+    pub(super) fn nothing(&self) -> Result<Fold, LiveError> {
         let mut belief =
             SessionBelief::new(&self.session, &self.model).map_err(|error| match error {
                 BeliefError::Geometric(GeometricError::TablesFull { needed, in_use, max }) => {
-                    Refusal::BeliefsFull { bytes: in_use.saturating_add(needed), max }
+                    LiveError::BeliefsFull { bytes: in_use.saturating_add(needed), max }
                 }
-                error => self.unusable(&error),
+                error => self.unusable(&error).into(),
             })?;
         belief.heed(self.asker.overdue());
         Ok(Fold { belief, n: 0 })
@@ -140,7 +141,7 @@ impl Folding {
         fold: &mut Fold,
         order: &[Touch],
         mut each: impl FnMut(&Fold),
-    ) -> Result<(), Refusal> {
+    ) -> Result<(), LiveError> {
         fold.belief.heed(self.asker.overdue());
         while fold.n < order.len() {
             let next = &order[fold.n..order.len().min(fold.n + ENTRIES_PER_READ)];
@@ -155,12 +156,13 @@ impl Folding {
     }
 
     /// Adds a reading to a belief.
-    pub(super) fn add(&self, belief: &mut SessionBelief, ready: &Ready) -> Result<(), Refusal> {
+    pub(super) fn add(&self, belief: &mut SessionBelief, ready: &Ready) -> Result<(), LiveError> {
         if self.asker.is_gone() {
             return Err(ComputeError::Stopped.into());
         }
         let Ready { stored, reading, sensor, .. } = ready;
-        belief.add(stored, reading, &sensor.description).map_err(|error| self.unusable(&error))
+        let added = belief.add(stored, reading, &sensor.description);
+        Ok(added.map_err(|error| self.unusable(&error))?)
     }
 
     /// log₂ ratio of a reading's density in a belief to that of a touch anywhere.
@@ -168,8 +170,8 @@ impl Folding {
         belief.fit_bits(&ready.reading, &ready.sensor.description)
     }
 
-    fn unusable(&self, error: &dyn std::error::Error) -> Refusal {
+    fn unusable(&self, error: &dyn std::error::Error) -> Cause {
         let id = self.session.id.to_string();
-        Refusal::Unusable { what: "session", id, reason: error.to_string() }
+        Cause::Unusable { what: "session", id, reason: error.to_string() }
     }
 }

@@ -5,11 +5,11 @@ use std::time::Instant;
 use palpate_schemas as wire;
 use palpate_schemas::Method;
 
+use super::error::LiveError;
 use super::{Live, Tools};
 use crate::asker::Asker;
 use crate::clock::now_ms;
 use crate::live::belief::SessionBelief;
-use crate::refusal::Refusal;
 use crate::wire::next_touch::{Question, next_touches};
 use crate::wire::session::options;
 
@@ -20,15 +20,15 @@ impl Live {
         tools: &Tools<'_>,
         question: Question,
         begun: Instant,
-    ) -> Result<wire::NextTouches, Refusal> {
+    ) -> Result<wire::NextTouches, LiveError> {
         let (session, method) = (self.session.id, options(&self.session).method);
         if method != Method::Surface {
-            return Err(Refusal::NoNextTouches { session, method: method.name() });
+            return Err(LiveError::NoNextTouches { session, method: method.name() });
         }
         let mut state = self.turns.take().await?;
         let status = self.status(tools.store, now_ms())?;
         if let Some(end) = status.end {
-            return Err(Refusal::SessionEnded { session, end });
+            return Err(LiveError::Ended { session, end });
         }
         let length = status.length;
         let place = tools.pool.place()?;
@@ -39,7 +39,7 @@ impl Live {
         };
         let (ranking, question) =
             self.ask(&mut state, self.folding(tools, Vec::new()), place, length, ask).await?;
-        let ranking = ranking.ok_or(Refusal::NoTouch { session })?;
+        let ranking = ranking.ok_or(LiveError::NoTouch { session })?;
         Ok(next_touches(session, length, &ranking, &question))
     }
 }

@@ -5,11 +5,12 @@
 use palpate_core::belief::answer::Answer;
 use palpate_schemas as wire;
 
+use super::error::LiveError;
 use super::memory::{Memory, Start};
 use super::{Live, Tools};
+use crate::cause::Cause;
 use crate::clock::now_ms;
 use crate::compute::Place;
-use crate::refusal::Refusal;
 
 impl Live {
     /// The belief after the first `at` entries of the session's journal; `None` when that
@@ -20,7 +21,7 @@ impl Live {
         poses: usize,
         at: u64,
         known_revision: Option<u64>,
-    ) -> Result<Option<wire::Belief>, Refusal> {
+    ) -> Result<Option<wire::Belief>, LiveError> {
         self.check_revision(tools, "?at", at)?;
         if known_revision == Some(at) {
             return Ok(None);
@@ -37,13 +38,13 @@ impl Live {
         tools: &Tools<'_>,
         field: &str,
         revision: u64,
-    ) -> Result<(), Refusal> {
+    ) -> Result<(), LiveError> {
         let newest = self.status(tools.store, now_ms())?.length;
         if revision <= newest {
             return Ok(());
         }
         let detail = format!("came {revision}, but the session's revision is {newest}");
-        Err(Refusal::field(field, detail))
+        Err(Cause::field(field, detail).into())
     }
 
     /// The belief of a revision, folded from `start`, or else from nothing.
@@ -54,9 +55,9 @@ impl Live {
         revision: u64,
         poses: usize,
         start: Option<Start>,
-    ) -> Result<wire::Belief, Refusal> {
+    ) -> Result<wire::Belief, LiveError> {
         let folding = self.folding(tools, Vec::new());
-        let work = move || -> Result<Answer, Refusal> {
+        let work = move || -> Result<Answer, LiveError> {
             Ok(folding.past(revision as usize, start)?.answer(poses))
         };
         let answer = place.run_long(work).await??;

@@ -12,8 +12,8 @@ use palpate_store::journal::{Entry, Event, Journal, NewEntry};
 use uuid::Uuid;
 
 use super::order::{Chronicle, Touch};
+use crate::cause::Cause;
 use crate::known_sensors::KnownSensors;
-use crate::refusal::Refusal;
 use crate::wire::reading::{Incoming, from_store};
 use crate::wire::session::{Options, base};
 
@@ -78,7 +78,7 @@ impl Readings {
     }
 
     /// Brings a chronicle up to the journal's first `length` entries, or as many as there are.
-    pub(super) fn tell(&self, chronicle: &mut Chronicle, length: usize) -> Result<(), Refusal> {
+    pub(super) fn tell(&self, chronicle: &mut Chronicle, length: usize) -> Result<(), Cause> {
         while chronicle.len() < length {
             let next = chronicle.len();
             if let Some(ready) = self.handed.get(&(next as u32)) {
@@ -97,14 +97,14 @@ impl Readings {
     }
 
     /// Some of the journal's entries from `next` on, before `last`.
-    pub(super) fn entries(&self, next: usize, last: usize) -> Result<Vec<Entry>, Refusal> {
+    pub(super) fn entries(&self, next: usize, last: usize) -> Result<Vec<Entry>, Cause> {
         let limit = ENTRIES_PER_READ.min(last.saturating_sub(next));
         Ok(self.journal.entries(self.session, next as u64, limit)?)
     }
 
     /// The readings of presses, prepared for folding. A motion announced by the first frame
     /// of a press applies to the frame that counts.
-    pub(super) fn ready(&self, touches: &[Touch]) -> Result<Vec<Arc<Ready>>, Refusal> {
+    pub(super) fn ready(&self, touches: &[Touch]) -> Result<Vec<Arc<Ready>>, Cause> {
         let numbers =
             touches.iter().flat_map(|touch| touch.moved_by.into_iter().chain([touch.number]));
         let mut ready = self.numbered(numbers.collect())?;
@@ -121,7 +121,7 @@ impl Readings {
     }
 
     /// Readings by their numbers: those of the request, and the others from the journal.
-    fn numbered(&self, numbers: Vec<u32>) -> Result<BTreeMap<u32, Arc<Ready>>, Refusal> {
+    fn numbered(&self, numbers: Vec<u32>) -> Result<BTreeMap<u32, Arc<Ready>>, Cause> {
         let mut ready = BTreeMap::new();
         let mut others = Vec::new();
         for number in numbers {
@@ -141,14 +141,14 @@ impl Readings {
         Ok(ready)
     }
 
-    fn one(&self, entry: Entry) -> Result<Option<Ready>, Refusal> {
+    fn one(&self, entry: Entry) -> Result<Option<Ready>, Cause> {
         let Event::Reading(stored) = entry.event else { return Ok(None) };
         let robot = entry.reading_id.as_ref().map(|id| id.robot.as_str());
         let sensor = self.sensors.get(&stored.sensor.to_string())?;
         let calibration = self.sensors.calibration(sensor.id, stored.calibration)?;
         let reading = from_store(&stored, &sensor, calibration.as_deref()).map_err(|error| {
             let id = self.session.to_string();
-            Refusal::Unusable { what: "session", id, reason: error.to_string() }
+            Cause::Unusable { what: "session", id, reason: error.to_string() }
         })?;
         let reading = on_its_base(reading, &self.options, robot);
         let (number, id) = (entry.seq as u32, entry.reading_id);
@@ -156,8 +156,8 @@ impl Readings {
     }
 
     /// The error of a missing reading: the session was deleted.
-    pub(super) fn gone(&self) -> Refusal {
-        Refusal::NotFound { what: "session", reference: self.session.to_string() }
+    pub(super) fn gone(&self) -> Cause {
+        Cause::NotFound { what: "session", reference: self.session.to_string() }
     }
 }
 

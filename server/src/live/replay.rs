@@ -10,11 +10,12 @@ use palpate_core::belief::answer::Answer;
 use palpate_schemas as wire;
 use palpate_store::journal::Entry;
 
+use super::error::LiveError;
 use super::folding::Folding;
 use super::memory::Memory;
 use super::{Live, Tools};
+use crate::cause::Cause;
 use crate::clock::now_ms;
-use crate::refusal::Refusal;
 use crate::wire::{count, history};
 
 /// A slice of work on the compute pool.
@@ -50,14 +51,14 @@ impl Live {
         &self,
         tools: &Tools<'_>,
         question: ReplayQuestion,
-    ) -> Result<wire::Replay, Refusal> {
+    ) -> Result<wire::Replay, LiveError> {
         let begun = Instant::now();
         let newest = self.status(tools.store, now_ms())?.length;
         let upto = question.upto.unwrap_or(newest);
         self.check_revision(tools, "?upto", upto)?;
         if question.after > upto {
             let detail = format!("came {}, expected at most `upto`, {upto}", question.after);
-            return Err(Refusal::field("?after", detail));
+            return Err(Cause::field("?after", detail).into());
         }
         let last = upto.min(question.after + question.limit);
         let mut walk = Walk {
@@ -71,7 +72,7 @@ impl Live {
         while !is_over && (walk.steps.is_empty() || begun.elapsed() < TIME_MAX) {
             let slice = move || {
                 let is_over = walk.go_on(after)?;
-                Ok::<_, Refusal>((walk, is_over))
+                Ok::<_, LiveError>((walk, is_over))
             };
             (walk, is_over) = tools.pool.place()?.run_long(slice).await??;
         }
@@ -91,7 +92,7 @@ impl Live {
 
 impl Walk {
     /// Works for a slice of time; true at the end.
-    fn go_on(&mut self, after: usize) -> Result<bool, Refusal> {
+    fn go_on(&mut self, after: usize) -> Result<bool, LiveError> {
         let begun = Instant::now();
         if self.memory.chronicle.len() < after {
             self.folding.bring(&mut self.memory, after)?;
@@ -109,13 +110,13 @@ impl Walk {
     }
 
     /// The answer after the last step.
-    fn answer(&mut self, poses: usize) -> Result<Answer, Refusal> {
+    fn answer(&mut self, poses: usize) -> Result<Answer, LiveError> {
         let length = self.memory.chronicle.len();
         Ok(self.folding.bring(&mut self.memory, length)?.answer(poses))
     }
 
     /// Takes one entry.
-    fn step(&mut self, entry: &Entry) -> Result<wire::ReplayStep, Refusal> {
+    fn step(&mut self, entry: &Entry) -> Result<wire::ReplayStep, LiveError> {
         self.memory.take(entry);
         let stays = self.memory.settle();
         let late = stays + 1 < self.memory.chronicle.order().len();

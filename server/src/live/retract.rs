@@ -4,10 +4,11 @@ use palpate_schemas as wire;
 use palpate_schemas::BeliefDetail;
 use palpate_store::journal::{Event, NewEntry};
 
+use super::error::LiveError;
 use super::{Live, POSES, Tools, past, shown};
 use crate::asker::Asker;
+use crate::cause::Cause;
 use crate::clock::now_ms;
-use crate::refusal::Refusal;
 use crate::wire::count;
 
 impl Live {
@@ -18,18 +19,18 @@ impl Live {
         tools: &Tools<'_>,
         number: u64,
         detail: BeliefDetail,
-    ) -> Result<wire::ReadingRetracted, Refusal> {
+    ) -> Result<wire::ReadingRetracted, LiveError> {
         let mut state = self.turns.take().await?;
         let now = now_ms();
         let (session, journal) = (self.session.id, tools.store.journal());
         let status = self.status(tools.store, now)?;
         let entry = journal.entry(session, number)?;
         if !entry.is_some_and(|entry| matches!(entry.event, Event::Reading(_))) {
-            return Err(Refusal::NotFound { what: "reading", reference: number.to_string() });
+            return Err(Cause::NotFound { what: "reading", reference: number.to_string() }.into());
         }
         let before = journal.retraction(session, number)?;
         if let Some(end) = status.end.filter(|_| before.is_none()) {
-            return Err(Refusal::SessionEnded { session, end });
+            return Err(LiveError::Ended { session, end });
         }
         let place = self.place(tools, detail)?;
         if before.is_none() {

@@ -5,7 +5,7 @@
 
 use tokio::sync::{Mutex, MutexGuard, Semaphore};
 
-use crate::refusal::Refusal;
+use super::error::LiveError;
 
 /// Maximum number of requests that wait for their turn at one session.
 const WAITING_MAX: usize = 32;
@@ -24,9 +24,9 @@ impl<T: Default> Default for Turns<T> {
 
 impl<T> Turns<T> {
     /// Waits for a turn, if there is a waiting slot.
-    pub(super) async fn take(&self) -> Result<MutexGuard<'_, T>, Refusal> {
+    pub(super) async fn take(&self) -> Result<MutexGuard<'_, T>, LiveError> {
         let _place =
-            self.places.try_acquire().map_err(|_| Refusal::SessionBusy { waiting: WAITING_MAX })?;
+            self.places.try_acquire().map_err(|_| LiveError::Busy { waiting: WAITING_MAX })?;
         Ok(self.state.lock().await)
     }
 
@@ -61,7 +61,7 @@ mod tests {
             tokio::task::yield_now().await;
         }
         let refused = turns.take().await.map(|_| ());
-        assert!(matches!(refused, Err(Refusal::SessionBusy { waiting: WAITING_MAX })));
+        assert!(matches!(refused, Err(LiveError::Busy { waiting: WAITING_MAX })));
         drop(first);
         for one in waiting {
             one.await.unwrap();

@@ -15,6 +15,7 @@ use crate::asker;
 use crate::door::Peer;
 use crate::middleware::caller;
 use crate::refusal::Refusal;
+use crate::refusal::load::LoadError;
 
 /// Whether a path belongs to supervisors and is always answered.
 pub(crate) fn is_watched(path: &str) -> bool {
@@ -31,7 +32,8 @@ pub(crate) async fn admit(State(app): State<App>, request: Request, next: Next) 
         let client = caller::client(&request);
         let peer = request.extensions().get::<ConnectInfo<Peer>>();
         if peer.is_some_and(|ConnectInfo(peer)| peer.is_reserve) {
-            return Err(Refusal::ConnectionsFull { open: app.admission().connections().used() });
+            let open = app.admission().connections().used();
+            return Err(Refusal::from(LoadError::ConnectionsFull { open }));
         }
         let (mut request, body) = arrival::receive(&app, request, client).await?;
         request.extensions_mut().insert(client);
@@ -45,6 +47,7 @@ pub(crate) async fn admit(State(app): State<App>, request: Request, next: Next) 
     let within = app.config().answer_timeout;
     let answer = tokio::time::timeout(within, asker::ask(client, next.run(request))).await;
     drop((slot, body));
-    let answer = answer.unwrap_or_else(|_| Refusal::TooSlow { within }.into_response());
+    let answer =
+        answer.unwrap_or_else(|_| Refusal::from(LoadError::TooSlow { within }).into_response());
     departure::count(&app.admission().answers, client, answer)
 }

@@ -14,7 +14,9 @@ use tracing::Instrument as _;
 
 use crate::app::App;
 use crate::asker;
+use crate::cause::Cause;
 use crate::refusal::Refusal;
+use crate::refusal::load::LoadError;
 use crate::services::audit::{Attempt, KEEPS_OPEN, alike};
 
 /// Records a change, runs it, and records its outcome. A change that cannot be recorded is
@@ -26,9 +28,9 @@ pub(crate) async fn record(State(app): State<App>, mut request: Request, next: N
     let key = attempt.key.as_ref().map(|(id, _, _)| *id);
     let failures = &app.audit().failures;
     if let Some(Err(wait)) = key.map(|key| failures.check(key, Instant::now())) {
-        let refusal = Refusal::FailuresExceeded { bound: failures.bound(wait), wait };
+        let error = LoadError::FailuresExceeded { bound: failures.bound(wait), wait };
         app.audit().denied(attempt, StatusCode::TOO_MANY_REQUESTS.as_u16()).await;
-        return refusal.into_response();
+        return Refusal::from(error).into_response();
     }
     let changing = async move {
         let asked = attempt.clone();
@@ -47,7 +49,7 @@ pub(crate) async fn record(State(app): State<App>, mut request: Request, next: N
         response
     };
     let changed = asker::spawn(changing.in_current_span()).await;
-    changed.unwrap_or_else(|_| Refusal::Panicked.into_response())
+    changed.unwrap_or_else(|_| Refusal::from(Cause::Panicked).into_response())
 }
 
 /// Whether a change failed because of its request.

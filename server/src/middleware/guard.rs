@@ -21,6 +21,7 @@ use crate::door::Peer;
 use crate::middleware::caller::Caller;
 use crate::middleware::telemetry::REQUEST_ID;
 use crate::refusal::Refusal;
+use crate::refusal::access::AccessError;
 use crate::roles::{Asked, Effect, Rule, Who};
 use crate::secret::redacted;
 use crate::services::audit::Attempt;
@@ -49,18 +50,18 @@ pub(crate) async fn guard(State(app): State<App>, mut request: Request, next: Ne
             }
             response
         }
-        Err(refusal) => {
+        Err(error) => {
             let operation = match asked {
                 Asked::Operation(rule) => rule.operation,
                 Asked::OtherMethod | Asked::Unlisted => "(none)",
             };
-            let key = match &refusal {
-                Refusal::Unauthenticated(fault) => fault.key().cloned(),
-                Refusal::Forbidden { key, .. } => Some((**key).clone()),
+            let key = match &error {
+                AccessError::Unauthenticated(fault) => fault.key().cloned(),
+                AccessError::Forbidden { key, .. } => Some((**key).clone()),
                 _ => None,
             };
             let attempt = attempt(&request, operation, key.as_ref());
-            let response = refusal.into_response();
+            let response = Refusal::from(error).into_response();
             if matches!(response.status(), StatusCode::UNAUTHORIZED | StatusCode::FORBIDDEN) {
                 app.audit().denied(attempt, response.status().as_u16()).await;
             }
@@ -74,7 +75,7 @@ fn asked(app: &App, request: &Request) -> Asked {
     route.map_or(Asked::Unlisted, |route| app.operations().asked(request.method(), route.as_str()))
 }
 
-fn check(app: &App, request: &Request, asked: Asked) -> Result<Caller, Refusal> {
+fn check(app: &App, request: &Request, asked: Asked) -> Result<Caller, AccessError> {
     let nobody = Caller { key: None };
     if !app.keys().required() {
         at_home(app, request)?;
@@ -89,7 +90,7 @@ fn check(app: &App, request: &Request, asked: Asked) -> Result<Caller, Refusal> 
         // The description is open, so this reveals nothing.
         Asked::OtherMethod => {
             let route = request.extensions().get::<MatchedPath>().map_or("", MatchedPath::as_str);
-            return Err(Refusal::OtherMethod { allow: app.operations().methods(route) });
+            return Err(AccessError::OtherMethod { allow: app.operations().methods(route) });
         }
         Asked::Unlisted => Who::Holders(&[]),
     };
@@ -100,7 +101,7 @@ fn check(app: &App, request: &Request, asked: Asked) -> Result<Caller, Refusal> 
         // Without a route the answer is 404, and reveals nothing.
         Asked::Unlisted if request.extensions().get::<MatchedPath>().is_none() => {}
         _ if roles.contains(&wire::access::role(key.role)) => {}
-        _ => return Err(Refusal::Forbidden { key: Box::new(key), roles }),
+        _ => return Err(AccessError::Forbidden { key: Box::new(key), roles }),
     }
     Ok(Caller { key: Some(key) })
 }
@@ -112,7 +113,7 @@ fn is_page(path: &str) -> bool {
 
 /// Refuses a request from another site's page in a browser of this machine: its origin is not
 /// ours, or the host is not one of this machine's names (a name that was made to point here).
-fn at_home(app: &App, request: &Request) -> Result<(), Refusal> {
+fn at_home(app: &App, request: &Request) -> Result<(), AccessError> {
     let config = app.config();
     let headers = request.headers();
     let text = |name| headers.get(name).and_then(|value: &header::HeaderValue| value.to_str().ok());
@@ -122,14 +123,14 @@ fn at_home(app: &App, request: &Request) -> Result<(), Refusal> {
     let is_own = is_loopback(host)
         || !config.listen.ip().is_loopback() && is_in_network(host, &config.host_names);
     if !host.is_empty() && !is_own {
-        return Err(Refusal::ForeignHost { host: host.to_owned() });
+        return Err(AccessError::ForeignHost { host: host.to_owned() });
     }
     let Some(origin) = text(header::ORIGIN) else { return Ok(()) };
     let own = origin.split_once("://").is_some_and(|(_, authority)| authority == host);
     if own || config.cors_origins.iter().any(|allowed| allowed == origin) {
         return Ok(());
     }
-    Err(Refusal::ForeignOrigin { origin: origin.to_owned() })
+    Err(AccessError::ForeignOrigin { origin: origin.to_owned() })
 }
 
 /// Whether a `Host` header names this machine.

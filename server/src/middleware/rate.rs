@@ -10,6 +10,7 @@ use crate::app::App;
 use crate::middleware::admission::is_watched;
 use crate::middleware::caller;
 use crate::refusal::Refusal;
+use crate::refusal::load::LoadError;
 
 /// Admits a request within its client's share, and reports the rest.
 pub(crate) async fn share(State(app): State<App>, request: Request, next: Next) -> Response {
@@ -26,6 +27,9 @@ pub(crate) async fn share(State(app): State<App>, request: Request, next: Next) 
             }
             response
         }
-        Err(wait) => Refusal::RateExceeded { bound: rates.bound(0, wait), wait }.into_response(),
+        Err(wait) => {
+            let bound = rates.bound(0, wait);
+            Refusal::from(LoadError::RateExceeded { bound, wait }).into_response()
+        }
     }
 }

@@ -81,7 +81,7 @@ pub(crate) async fn observe(mut request: Request, next: Next) -> Response {
     join_trace(&span, request.headers());
     let start = Instant::now();
     let response = next.run(request).instrument(span.clone()).await;
-    let mut response = problem::finish(response, &path, &id);
+    let mut response = problem::body::finish(response, &path, &id);
     response.headers_mut().insert(REQUEST_ID, header);
     let status = response.status().as_u16();
     span.record("status", status);

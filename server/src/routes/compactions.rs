@@ -5,6 +5,7 @@ use axum::extract::State;
 use palpate_schemas::Compacted;
 
 use crate::app::App;
+use crate::cause::Cause;
 use crate::refusal::Refusal;
 
 /// Compact the stored data
@@ -20,7 +21,7 @@ use crate::refusal::Refusal;
 pub(crate) async fn compact(State(app): State<App>) -> Result<Json<Compacted>, Refusal> {
     let store = app.store().clone();
     let compacting = tokio::task::spawn_blocking(move || store.compact());
-    let done = compacting.await.map_err(|_| Refusal::Panicked)??;
+    let done = compacting.await.map_err(|_| Cause::Panicked)??;
     Ok(Json(Compacted {
         before_bytes: done.before_bytes,
         after_bytes: done.after_bytes,

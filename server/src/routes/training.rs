@@ -13,6 +13,7 @@ use crate::app::App;
 use crate::extract::{JsonBody, Params, Segment1, Segment2, Segment3, if_match};
 use crate::refusal::Refusal;
 use crate::routes::documented::Conflict;
+use crate::services::catalogues::error::CatalogueError;
 use crate::wire;
 
 /// List the catalogues
@@ -210,7 +211,7 @@ pub(crate) async fn set_current(
 
 fn current(catalogue: Catalogue) -> Result<Response, Refusal> {
     let Some(current) = catalogue.current else {
-        return Err(Refusal::Untrained { catalogue: catalogue.name });
+        return Err(CatalogueError::Untrained { catalogue: catalogue.name }.into());
     };
     let etag = [(header::ETAG, format!("\"{}\"", current.revision))];
     Ok((etag, Json(current)).into_response())

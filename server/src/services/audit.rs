@@ -20,9 +20,9 @@ use palpate_store::error::StoreError;
 use tokio::sync::watch;
 use uuid::Uuid;
 
+use crate::cause::Cause;
 use crate::client::Client;
 use crate::clock::now_ms;
-use crate::refusal::Refusal;
 use crate::roles;
 use crate::wire::{access, page_length, page_number};
 use failures::Failures;
@@ -167,7 +167,7 @@ impl Audit {
     }
 
     /// A page of the log, newest first.
-    pub(crate) fn list(&self, query: &wire::AuditQuery) -> Result<wire::AuditPage, Refusal> {
+    pub(crate) fn list(&self, query: &wire::AuditQuery) -> Result<wire::AuditPage, Cause> {
         let page = PageQuery { limit: query.limit, cursor: query.cursor.clone() };
         let limit = page_length(&page)?;
         let begin = page.cursor.as_ref().map(|_| page_number(&page)).transpose()?;
@@ -285,11 +285,11 @@ fn fits(entry: &AuditEntry, query: &wire::AuditQuery) -> bool {
 }
 
 /// Refuses an unknown operation's name, which would match nothing.
-pub(crate) fn check_operation(query: &wire::AuditQuery) -> Result<(), Refusal> {
+pub(crate) fn check_operation(query: &wire::AuditQuery) -> Result<(), Cause> {
     match &query.operation {
         Some(operation) if operation != "(none)" && roles::rule(operation).is_none() => {
             let expected = "expected an operation's id, such as `delete_object`";
-            Err(Refusal::field("?operation", format!("came {operation:?}, {expected}")))
+            Err(Cause::field("?operation", format!("came {operation:?}, {expected}")))
         }
         _ => Ok(()),
     }

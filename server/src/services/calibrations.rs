@@ -11,10 +11,10 @@ use palpate_store::database::Database;
 use palpate_store::entity::Sensor;
 use palpate_store::error::StoreError;
 
+use crate::cause::Cause;
 use crate::clock::now_ms;
 use crate::compute::Pool;
 use crate::known_sensors::KnownSensors;
-use crate::refusal::Refusal;
 use crate::wire::calibration as convert;
 
 /// All calibrations.
@@ -34,7 +34,7 @@ impl Calibrations {
         sensor: &Arc<Sensor>,
         request: wire::CalibrateSensor,
         pool: &Pool,
-    ) -> Result<wire::SensorCalibration, Refusal> {
+    ) -> Result<wire::SensorCalibration, Cause> {
         let (place, fitted) = (pool.place()?, Arc::clone(sensor));
         let now = now_ms();
         let fit = place.run_long(move || convert::fitted(&request, &fitted, now)).await??;
@@ -50,14 +50,14 @@ impl Calibrations {
         &self,
         sensor: &Sensor,
         query: wire::CalibrationQuery,
-    ) -> Result<wire::SensorCalibration, Refusal> {
+    ) -> Result<wire::SensorCalibration, Cause> {
         let table = self.store.calibrations();
         let found: Result<Option<StoredCalibration>, StoreError> = match query.number {
             Some(number) => table.find(sensor.id, number),
             None => table.latest(sensor.id),
         };
         let number = query.number.map(|number| format!(" {number}")).unwrap_or_default();
-        let stored = found?.ok_or_else(|| Refusal::NotFound {
+        let stored = found?.ok_or_else(|| Cause::NotFound {
             what: "calibration of sensor",
             reference: format!("{}{number}", sensor.name),
         })?;

@@ -4,6 +4,7 @@
 //! memory budget (`memory`).
 
 mod appearance;
+pub(crate) mod error;
 mod loading;
 mod maps;
 mod memory;
@@ -20,11 +21,12 @@ use palpate_store::error::StoreError;
 use palpate_store::model_codec::ModelPart;
 use uuid::Uuid;
 
+use crate::cause::Cause;
 use crate::clock::now_ms;
 use crate::compute::Pool;
 use crate::model::Model;
-use crate::refusal::Refusal;
 use crate::wire::{cursor, page_id, page_length, page_number, training};
+use error::CatalogueError;
 use loading::Key;
 use memory::Memory;
 
@@ -88,18 +90,18 @@ impl Catalogues {
     }
 
     /// The catalogue with the given name.
-    pub(crate) fn find(&self, name: &str) -> Result<Catalogue, Refusal> {
+    pub(crate) fn find(&self, name: &str) -> Result<Catalogue, Cause> {
         let found = self.table.find_by_name(name)?;
-        found.ok_or_else(|| Refusal::NotFound { what: "catalogue", reference: name.to_owned() })
+        found.ok_or_else(|| Cause::NotFound { what: "catalogue", reference: name.to_owned() })
     }
 
     /// The name of the catalogue with the given id.
-    pub(crate) fn name(&self, id: Uuid) -> Result<String, Refusal> {
+    pub(crate) fn name(&self, id: Uuid) -> Result<String, StoreError> {
         Ok(self.table.get(id)?.name)
     }
 
     /// The catalogue with the given name, created if it does not exist.
-    pub(crate) async fn find_or_create(&self, name: &str) -> Result<Catalogue, Refusal> {
+    pub(crate) async fn find_or_create(&self, name: &str) -> Result<Catalogue, Cause> {
         if let Some(found) = self.table.find_by_name(name)? {
             return Ok(found);
         }
@@ -112,7 +114,7 @@ impl Catalogues {
         }
     }
 
-    pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::CataloguePage, Refusal> {
+    pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::CataloguePage, Cause> {
         let page = self.table.list(page_id(query)?, page_length(query)?)?;
         let items = page.items.iter().map(training::catalogue).collect();
         Ok(wire::CataloguePage { items, next_cursor: cursor(page.next) })
@@ -122,7 +124,7 @@ impl Catalogues {
         &self,
         name: &str,
         query: &wire::PageQuery,
-    ) -> Result<wire::CatalogueVersionPage, Refusal> {
+    ) -> Result<wire::CatalogueVersionPage, CatalogueError> {
         let catalogue = self.find(name)?;
         let after = u32::try_from(page_number(query)?).unwrap_or(u32::MAX);
         let limit = page_length(query)?;
@@ -141,7 +143,7 @@ impl Catalogues {
         &self,
         name: &str,
         version: &str,
-    ) -> Result<wire::CatalogueVersion, Refusal> {
+    ) -> Result<wire::CatalogueVersion, CatalogueError> {
         let catalogue = self.find(name)?;
         self.shown(&catalogue, &self.manifest(&catalogue, number(version)?)?)
     }
@@ -150,7 +152,7 @@ impl Catalogues {
         &self,
         catalogue: &Catalogue,
         manifest: &Manifest,
-    ) -> Result<wire::CatalogueVersion, Refusal> {
+    ) -> Result<wire::CatalogueVersion, CatalogueError> {
         let damage = self.damaged.get(&(catalogue.id, manifest.version));
         let damage = damage.map(|reason| reason.clone());
         Ok(wire::CatalogueVersion { damage, ..training::version(catalogue, manifest)? })
@@ -177,7 +179,7 @@ impl Catalogues {
         version: &str,
         object: &str,
         query: &wire::PageQuery,
-    ) -> Result<wire::ObjectMap, Refusal> {
+    ) -> Result<wire::ObjectMap, CatalogueError> {
         let (from, limit) = (page_number(query)?, page_length(query)?);
         let (model, place) = self.object_of(name, version, object, ModelPart::Sva).await?;
         let from = usize::try_from(from).unwrap_or(usize::MAX);
@@ -191,13 +193,13 @@ impl Catalogues {
         version: &str,
         object: &str,
         part: ModelPart,
-    ) -> Result<(Arc<Model>, usize), Refusal> {
+    ) -> Result<(Arc<Model>, usize), CatalogueError> {
         let catalogue = self.find(name)?;
         let version = self.manifest(&catalogue, number(version)?)?.version;
         let model = self.load(catalogue.id, version, part).await?;
         let place = model
             .find(object)
-            .ok_or_else(|| Refusal::NotFound { what: "object", reference: object.to_owned() })?;
+            .ok_or_else(|| Cause::NotFound { what: "object", reference: object.to_owned() })?;
         Ok((model, place))
     }
 
@@ -207,13 +209,12 @@ impl Catalogues {
         name: &str,
         version: u32,
         revision: u64,
-    ) -> Result<Catalogue, Refusal> {
+    ) -> Result<Catalogue, CatalogueError> {
         let _using = self.using().await;
         let catalogue = self.find(name)?;
-        self.manifest(&catalogue, version)
-            .map_err(|refusal| Refusal::field("/version", refusal))?;
+        self.manifest(&catalogue, version).map_err(|error| Cause::field("/version", error))?;
         match self.table.switch(catalogue.id, version, Some(revision), now_ms()).await {
-            Err(StoreError::Changed { .. }) => Err(Refusal::RevisionChanged {
+            Err(StoreError::Changed { .. }) => Err(CatalogueError::RevisionChanged {
                 expected: revision.to_string(),
                 found: self.find(name)?.revision,
             }),
@@ -230,7 +231,7 @@ impl Catalogues {
         name: &str,
         draft: Draft,
         activate: bool,
-    ) -> Result<u32, Refusal> {
+    ) -> Result<u32, CatalogueError> {
         let _publishing = self.publishing.lock().await;
         let catalogue = self.find(name)?;
         let manifest = self.table.publish(catalogue.id, draft).await?;
@@ -241,7 +242,7 @@ impl Catalogues {
     }
 
     /// The version made by a job, if any.
-    pub(crate) fn made_by(&self, name: &str, job: Uuid) -> Result<Option<u32>, Refusal> {
+    pub(crate) fn made_by(&self, name: &str, job: Uuid) -> Result<Option<u32>, StoreError> {
         let Some(catalogue) = self.table.find_by_name(name)? else { return Ok(None) };
         let manifests = self.table.manifests(catalogue.id, 0, usize::MAX)?;
         let made = manifests.iter().rev().find(|manifest| manifest.job == Some(job));
@@ -249,15 +250,15 @@ impl Catalogues {
     }
 
     /// The version for a new session: the requested or the current one.
-    pub(crate) fn pin(&self, name: &str, version: Option<u32>) -> Result<Pinned, Refusal> {
+    pub(crate) fn pin(&self, name: &str, version: Option<u32>) -> Result<Pinned, CatalogueError> {
         let catalogue = self.table.find_by_name(name)?.ok_or_else(|| unknown_catalogue(name))?;
         let manifest = match version {
             Some(version) => self
                 .manifest(&catalogue, version)
-                .map_err(|refusal| Refusal::field("/version", refusal))?,
+                .map_err(|error| Cause::field("/version", error))?,
             None => {
                 let current = catalogue.current;
-                let untrained = || Refusal::Untrained { catalogue: name.to_owned() };
+                let untrained = || CatalogueError::Untrained { catalogue: name.to_owned() };
                 self.manifest(&catalogue, current.ok_or_else(untrained)?)?
             }
         };
@@ -270,17 +271,17 @@ impl Catalogues {
         &self,
         name: &str,
         version: u32,
-    ) -> Result<(Manifest, training::VersionParameters), Refusal> {
+    ) -> Result<(Manifest, training::VersionParameters), CatalogueError> {
         let catalogue = self.find(name)?;
         let manifest = self.manifest(&catalogue, version)?;
         let parameters = training::parameters(&catalogue, &manifest)?;
         Ok((manifest, parameters))
     }
 
-    fn manifest(&self, catalogue: &Catalogue, version: u32) -> Result<Manifest, Refusal> {
+    fn manifest(&self, catalogue: &Catalogue, version: u32) -> Result<Manifest, CatalogueError> {
         self.table.manifest(catalogue.id, version).map_err(|error| match error {
             StoreError::NoVersion { .. } => {
-                Refusal::NoVersion { catalogue: catalogue.name.clone(), version }
+                CatalogueError::NoVersion { catalogue: catalogue.name.clone(), version }
             }
             other => other.into(),
         })
@@ -288,16 +289,16 @@ impl Catalogues {
 }
 
 /// The number of a version in a path.
-fn number(version: &str) -> Result<u32, Refusal> {
-    let unknown = || Refusal::NotFound { what: "version", reference: version.to_owned() };
+fn number(version: &str) -> Result<u32, Cause> {
+    let unknown = || Cause::NotFound { what: "version", reference: version.to_owned() };
     version.parse().map_err(|_| unknown())
 }
 
-fn unknown_catalogue(name: &str) -> Refusal {
+fn unknown_catalogue(name: &str) -> CatalogueError {
     if name == DEFAULT {
-        return Refusal::Untrained { catalogue: name.to_owned() };
+        return CatalogueError::Untrained { catalogue: name.to_owned() };
     }
-    Refusal::field("/catalogue", format!("there is no catalogue {name:?}"))
+    Cause::field("/catalogue", format!("there is no catalogue {name:?}")).into()
 }
 
 /// The training parameters of a version, if its manifest can be read.

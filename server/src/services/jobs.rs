@@ -7,6 +7,7 @@
 mod control;
 mod draft;
 mod ending;
+pub(crate) mod error;
 mod plan;
 
 use std::sync::Arc;
@@ -27,16 +28,17 @@ use tokio::sync::{Notify, oneshot, watch};
 use uuid::Uuid;
 
 use crate::asker;
+use crate::cause::Cause;
 use crate::client::Client;
 use crate::clock::now_ms;
 use crate::config::Config;
-use crate::refusal::Refusal;
 use crate::services::catalogues::Catalogues;
 use crate::services::objects::Objects;
 use crate::services::sensors::Sensors;
 use crate::services::training::{Plan, Sources, TrainingFailure, train};
 use crate::wire::training::job as shown;
 use crate::wire::{self as convert, cursor, page_id, page_length};
+use error::JobError;
 
 /// Time for which a cancellation waits for the running training to notice.
 const CANCEL_PATIENCE: Duration = Duration::from_secs(5);
@@ -85,7 +87,7 @@ impl Jobs {
     }
 
     /// Resumes the jobs left by a stop of the server.
-    pub(crate) async fn resume(&self) -> Result<(), Refusal> {
+    pub(crate) async fn resume(&self) -> Result<(), StoreError> {
         for job in self.store.jobs().list_whole(None, usize::MAX - 1)?.items {
             let job = match job.state {
                 JobState::Queued => job,
@@ -93,11 +95,11 @@ impl Jobs {
                     Ok(Some(job)) => job,
                     Ok(None) => continue,
                     // Reads go on with a full disk; the next start resumes it.
-                    Err(Refusal::Store(StoreError::Engine(error @ EngineError::Full { .. }))) => {
+                    Err(StoreError::Engine(error @ EngineError::Full { .. })) => {
                         tracing::error!("Cannot take up an interrupted job: {error}");
                         continue;
                     }
-                    Err(refusal) => return Err(refusal),
+                    Err(error) => return Err(error),
                 },
                 JobState::Succeeded | JobState::Failed | JobState::Cancelled => continue,
             };
@@ -112,13 +114,13 @@ impl Jobs {
         &self,
         catalogue: &str,
         request: &StartTraining,
-    ) -> Result<wire::Job, Refusal> {
+    ) -> Result<wire::Job, JobError> {
         let _using = (self.sensors.using().await, self.catalogues.using().await);
         let training = self.checked(catalogue, request)?;
         let n_objects = training.objects.as_ref().map_or(0, Vec::len);
         let _starting = self.starting.lock().await;
         if self.unfinished.len() >= self.queue_max {
-            return Err(Refusal::TrainingQueueFull { waiting: self.unfinished.len() });
+            return Err(JobError::QueueFull { waiting: self.unfinished.len() });
         }
         let catalogue = self.catalogues.find_or_create(catalogue).await?;
         let job = Job {
@@ -143,18 +145,18 @@ impl Jobs {
         Ok(shown(&job))
     }
 
-    pub(crate) fn get(&self, id: &str) -> Result<wire::Job, Refusal> {
+    pub(crate) fn get(&self, id: &str) -> Result<wire::Job, Cause> {
         Ok(self.show(&self.find(id)?))
     }
 
-    pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::JobPage, Refusal> {
+    pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::JobPage, Cause> {
         let page = self.store.jobs().list_whole(page_id(query)?, page_length(query)?)?;
         let items = page.items.iter().map(|job| self.show(job)).collect();
         Ok(wire::JobPage { items, next_cursor: cursor(page.next) })
     }
 
     /// Cancels a job; a running one gets some time to notice.
-    pub(crate) async fn cancel(&self, id: &str) -> Result<wire::Job, Refusal> {
+    pub(crate) async fn cancel(&self, id: &str) -> Result<wire::Job, JobError> {
         let job = self.find(id)?;
         let Some(control) = self.control(job.id) else {
             return Err(finished(&self.find(id)?));
@@ -182,23 +184,23 @@ impl Jobs {
             let ended = news.wait_for(|job| job.state.is_final());
             let _ = tokio::time::timeout(CANCEL_PATIENCE, ended).await;
         }
-        self.get(id)
+        Ok(self.get(id)?)
     }
 
     /// Deletes an ended job. The version it created stays.
-    pub(crate) async fn delete(&self, id: &str) -> Result<(), Refusal> {
+    pub(crate) async fn delete(&self, id: &str) -> Result<(), Cause> {
         let job = self.find(id)?;
         if self.control(job.id).is_some() || !job.state.is_final() {
             let what = format!("job {}", job.id);
             let by = "it has not ended: cancel it first".to_owned();
-            return Err(Refusal::Needed { what, by });
+            return Err(Cause::Needed { what, by });
         }
         self.store.essential().jobs().remove(job.id).await?;
         Ok(())
     }
 
     /// The job's present state and later ones.
-    pub(crate) fn follow(&self, id: &str) -> Result<watch::Receiver<wire::Job>, Refusal> {
+    pub(crate) fn follow(&self, id: &str) -> Result<watch::Receiver<wire::Job>, Cause> {
         let job = self.find(id)?;
         Ok(match self.control(job.id) {
             Some(control) => control.job.subscribe(),
@@ -211,8 +213,8 @@ impl Jobs {
         loop {
             let next = match self.next() {
                 Ok(next) => next,
-                Err(refusal) => {
-                    tracing::error!("Cannot read the queue of jobs: {refusal}");
+                Err(error) => {
+                    tracing::error!("Cannot read the queue of jobs: {error}");
                     None
                 }
             };
@@ -243,8 +245,8 @@ impl Jobs {
         self.unfinished.len()
     }
 
-    fn find(&self, id: &str) -> Result<Job, Refusal> {
-        let unknown = || Refusal::NotFound { what: "job", reference: id.to_owned() };
+    fn find(&self, id: &str) -> Result<Job, Cause> {
+        let unknown = || Cause::NotFound { what: "job", reference: id.to_owned() };
         let uuid = Uuid::parse_str(id).map_err(|_| unknown())?;
         self.store.jobs().find(uuid)?.ok_or_else(unknown)
     }
@@ -260,16 +262,16 @@ impl Jobs {
         }
     }
 
-    fn next(&self) -> Result<Option<Job>, Refusal> {
+    fn next(&self) -> Result<Option<Job>, StoreError> {
         // A job whose end waits to be stored is over.
         let waiting = self.unfinished.iter().filter(|entry| !entry.is_over());
         let oldest = waiting.map(|entry| *entry.key()).min();
         let Some(id) = oldest else { return Ok(None) };
-        Ok(self.store.jobs().find(id)?)
+        self.store.jobs().find(id)
     }
 
     /// Handles a job that was running when the server stopped.
-    async fn after_interruption(&self, job: Job) -> Result<Option<Job>, Refusal> {
+    async fn after_interruption(&self, job: Job) -> Result<Option<Job>, StoreError> {
         let made = self.catalogues.made_by(&job.catalogue, job.id)?;
         let again = made.is_none() && job.error.is_none() && !job.cancel_requested;
         let table = self.store.jobs();
@@ -283,7 +285,7 @@ impl Jobs {
                 None if job.cancel_requested => JobState::Cancelled,
                 None => JobState::Failed,
             };
-            Ok::<(), Refusal>(())
+            Ok::<(), StoreError>(())
         });
         let job = changed.await??;
         tracing::warn!(job.id = %job.id, "Job {} was {INTERRUPTED}: {:?} now", job.id, job.state);
@@ -338,7 +340,7 @@ impl Jobs {
         control.begin(self.within);
         tracing::info!(job.id = %job.id, "Started job {}", job.id);
         let training: StartTraining = serde_json::from_str(&job.request).map_err(|error| {
-            Refusal::Unusable { what: "job", id: job.id.to_string(), reason: error.to_string() }
+            Cause::Unusable { what: "job", id: job.id.to_string(), reason: error.to_string() }
         })?;
         let plan = self.plan(&job.catalogue, &training).await?;
         let (trained, blocks) = self.on_threads(plan, Arc::clone(control)).await?;
@@ -369,9 +371,9 @@ impl Jobs {
             // The receiver of the answer may close the store.
             drop((store, sensors));
             // The receiver is gone when the runtime is.
-            let _ = answer.send(outcome.unwrap_or(Err(Refusal::Panicked.into())));
+            let _ = answer.send(outcome.unwrap_or(Err(Cause::Panicked.into())));
         });
-        answered.await.unwrap_or(Err(Refusal::Panicked.into()))
+        answered.await.unwrap_or(Err(Cause::Panicked.into()))
     }
 
     /// Notifies the followers of a finished job, and forgets it.
@@ -387,6 +389,6 @@ impl Jobs {
 
 type Outcome = (crate::services::training::Trained, Vec<(String, Vec<u8>)>);
 
-fn finished(job: &Job) -> Refusal {
-    Refusal::JobFinished { job: job.id, state: convert::training::state(job.state) }
+fn finished(job: &Job) -> JobError {
+    JobError::Finished { job: job.id, state: convert::training::state(job.state) }
 }

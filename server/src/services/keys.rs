@@ -4,6 +4,7 @@
 //! in constant time, and an unknown key takes as long as a known one. Not here: permissions
 //! of roles (`roles`), and the check of requests (`guard`).
 
+pub(crate) mod error;
 mod holding;
 mod latest;
 mod robots;
@@ -17,14 +18,14 @@ use palpate_store::access::{AccessKey, PreviousSecret, Role};
 use palpate_store::database::Database;
 use palpate_store::error::StoreError;
 use subtle::ConstantTimeEq;
-use thiserror::Error;
 use tokio::sync::watch;
 use uuid::Uuid;
 
+use crate::cause::Cause;
 use crate::config::Access;
-use crate::refusal::{KeyFault, Refusal};
 use crate::secret;
 use crate::wire::{self as convert, cursor, page_id, page_length};
+use error::{KeyError, KeyFault, OpenError};
 use latest::Latest;
 
 /// Precision of a key's time of last use, in milliseconds.
@@ -50,15 +51,6 @@ pub(crate) struct Keys {
     changes: watch::Sender<()>,
 }
 
-/// Error of keys that cannot be opened.
-#[derive(Debug, Error)]
-pub(crate) enum KeysError {
-    #[error(transparent)]
-    Store(#[from] StoreError),
-    #[error("the operating system has no random bits: {0}")]
-    Random(#[from] getrandom::Error),
-}
-
 impl Keys {
     /// Reads the keys. If keys are required, or with `fresh`, creates an admin's key if there
     /// is no valid one, and returns its secret.
@@ -66,7 +58,7 @@ impl Keys {
         store: Database,
         access: Access,
         fresh: bool,
-    ) -> Result<(Self, Option<String>), KeysError> {
+    ) -> Result<(Self, Option<String>), OpenError> {
         let all: BTreeMap<_, _> = store.keys().all()?.into_iter().map(|k| (k.id, k)).collect();
         let latest = Latest::new(store.latest_time()?);
         let now = latest.now_ms();
@@ -134,7 +126,7 @@ impl Keys {
     }
 
     /// The key with an id or a name; of equal names preferably a valid one.
-    pub(crate) fn get(&self, reference: &str) -> Result<AccessKey, Refusal> {
+    pub(crate) fn get(&self, reference: &str) -> Result<AccessKey, Cause> {
         let found = match Uuid::try_parse(reference) {
             Ok(id) => self.find_id(id),
             Err(_) => self.read(|keys| {
@@ -142,7 +134,7 @@ impl Keys {
                 named.max_by_key(|key| (key.revoked_at_ms.is_none(), key.id)).cloned()
             }),
         };
-        found.ok_or_else(|| Refusal::NotFound { what: "key", reference: reference.to_owned() })
+        found.ok_or_else(|| Cause::NotFound { what: "key", reference: reference.to_owned() })
     }
 
     /// A key as it is now, for the wire.
@@ -151,7 +143,7 @@ impl Keys {
         convert::access::key(key, self.now_ms(), held)
     }
 
-    pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::ApiKeyPage, Refusal> {
+    pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::ApiKeyPage, Cause> {
         let (after, limit) = (page_id(query)?, page_length(query)?);
         let (now, held) = (self.now_ms(), self.store.held());
         let shown = |key: &AccessKey| {
@@ -171,7 +163,7 @@ impl Keys {
     pub(crate) async fn create(
         &self,
         request: &wire::CreateKey,
-    ) -> Result<wire::NewApiKey, Refusal> {
+    ) -> Result<wire::NewApiKey, KeyError> {
         convert::name(&request.name)?;
         let (low, high) = EXPIRES_IN_S;
         let within = |s| convert::within("/expires_in_s", s, low, high);
@@ -192,7 +184,7 @@ impl Keys {
     }
 
     /// Revokes a key; no effect on a revoked one.
-    pub(crate) async fn revoke(&self, reference: &str) -> Result<(), Refusal> {
+    pub(crate) async fn revoke(&self, reference: &str) -> Result<(), KeyError> {
         let _changing = self.changing.lock().await;
         let key = self.get(reference)?;
         let now = self.now_ms();
@@ -201,7 +193,7 @@ impl Keys {
         }
         let is_admin = key.role == Role::Admin && key.is_active(now);
         if is_admin && self.read(|keys| n_admins(keys, now)) == 1 {
-            return Err(Refusal::LastAdmin { name: key.name });
+            return Err(KeyError::LastAdmin { name: key.name });
         }
         let revoked = AccessKey { revoked_at_ms: Some(now), previous: None, ..key };
         self.change(revoked).await?;
@@ -213,16 +205,16 @@ impl Keys {
         &self,
         reference: &str,
         request: &wire::RotateKey,
-    ) -> Result<wire::NewApiKey, Refusal> {
+    ) -> Result<wire::NewApiKey, KeyError> {
         let grace_s = request.grace_s.unwrap_or(0);
         let grace_s = convert::within("/grace_s", grace_s, 0, GRACE_S_MAX)?;
         let _changing = self.changing.lock().await;
         let key = self.get(reference)?;
         let now = self.now_ms();
         if !key.is_active(now) {
-            return Err(Refusal::KeyRefused { name: key.name });
+            return Err(KeyError::Refused { name: key.name });
         }
-        let (secret, hash) = secret::draw(key.id).map_err(|_| Refusal::NoRandom)?;
+        let (secret, hash) = secret::draw(key.id)?;
         let previous = PreviousSecret { hash: key.hash, until_ms: now + grace_s * 1000 };
         let rotated = AccessKey { hash, previous: Some(previous), ..key };
         self.change(rotated.clone()).await?;
@@ -231,10 +223,10 @@ impl Keys {
     }
 
     /// Stores a changed key, then applies the change.
-    async fn change(&self, key: AccessKey) -> Result<(), Refusal> {
+    async fn change(&self, key: AccessKey) -> Result<(), StoreError> {
         let change = |stored: &mut AccessKey| {
             *stored = AccessKey { last_used_at_ms: stored.last_used_at_ms, ..key.clone() };
-            Ok::<(), Refusal>(())
+            Ok::<(), StoreError>(())
         };
         let stored = self.store.essential().keys().update(key.id, change).await??;
         self.learn(stored);
@@ -265,7 +257,7 @@ impl Keys {
     }
 
     /// Drops the key revoked first, when there are too many.
-    async fn make_room(&self) -> Result<(), Refusal> {
+    async fn make_room(&self) -> Result<(), KeyError> {
         let n_keys = self.read(BTreeMap::len);
         if n_keys < KEYS_MAX {
             return Ok(());
@@ -274,7 +266,7 @@ impl Keys {
             let revoked = keys.values().filter(|key| key.revoked_at_ms.is_some());
             revoked.min_by_key(|key| key.revoked_at_ms).map(|key| key.id)
         });
-        let Some(id) = oldest else { return Err(Refusal::KeysFull { found: n_keys }) };
+        let Some(id) = oldest else { return Err(KeyError::Full { found: n_keys }) };
         self.store.keys().remove(id).await?;
         self.known.write().unwrap_or_else(PoisonError::into_inner).remove(&id);
         Ok(())

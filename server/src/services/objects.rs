@@ -3,6 +3,8 @@
 //! Meshes and readings are stored as received; derived data is in catalogues. A catalogue's
 //! version keeps the model of an object that is deleted later.
 
+pub(crate) mod error;
+
 use std::sync::Arc;
 
 use bytes::Bytes;
@@ -10,20 +12,22 @@ use palpate_schemas as wire;
 use palpate_sim::mesh::{Mesh, MeshFormat};
 use palpate_store::database::Database;
 use palpate_store::entity::{JobState, Object, StoredReading};
+use palpate_store::error::StoreError;
 use palpate_store::journal::{AppendError, Event, Limit, NewEntry};
 use palpate_store::mesh::{MeshInfo, MeshReader};
 use uuid::Uuid;
 
 use crate::asker::Asker;
+use crate::cause::Cause;
 use crate::clock::now_ms;
 use crate::compute::Pool;
 use crate::config::Config;
-use crate::refusal::Refusal;
 use crate::services::keys::Keys;
 use crate::services::sensors::Sensors;
 use crate::wire::object::{mesh_report, read_format, stored_format, stored_unit, unit_metres};
 use crate::wire::reading::{Incoming, READINGS_MAX};
 use crate::wire::{self as convert, PAGE_BYTES, cursor, page_id, page_length, page_number};
+use error::ObjectError;
 
 /// Maximum length of a description, in characters.
 const DESCRIPTION_MAX: usize = 2000;
@@ -44,29 +48,29 @@ impl Objects {
     }
 
     /// The object with an id or a name.
-    pub(crate) fn find(&self, reference: &str) -> Result<Object, Refusal> {
+    pub(crate) fn find(&self, reference: &str) -> Result<Object, Cause> {
         let table = self.store.objects();
         let found = match Uuid::parse_str(reference) {
             Ok(id) => table.find(id)?,
             Err(_) => table.find_by_name(reference)?,
         };
-        found.ok_or_else(|| Refusal::NotFound { what: "object", reference: reference.to_owned() })
+        found.ok_or_else(|| Cause::NotFound { what: "object", reference: reference.to_owned() })
     }
 
     /// The object in its wire form.
-    pub(crate) fn show(&self, object: &Object) -> Result<wire::ObjectInfo, Refusal> {
+    pub(crate) fn show(&self, object: &Object) -> Result<wire::ObjectInfo, StoreError> {
         let mesh = self.store.meshes().info(object.id)?;
         let n_readings = self.store.training().len(object.id)?;
         Ok(convert::object::object(object, mesh.as_ref(), n_readings))
     }
 
-    pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::ObjectPage, Refusal> {
+    pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::ObjectPage, Cause> {
         let page = self.store.objects().list_whole(page_id(query)?, page_length(query)?)?;
         let items: Result<_, _> = page.items.iter().map(|object| self.show(object)).collect();
         Ok(wire::ObjectPage { items: items?, next_cursor: cursor(page.next) })
     }
 
-    pub(crate) async fn create(&self, request: wire::CreateObject) -> Result<Object, Refusal> {
+    pub(crate) async fn create(&self, request: wire::CreateObject) -> Result<Object, Cause> {
         convert::name(&request.name)?;
         convert::text("/description", &request.description, DESCRIPTION_MAX)?;
         let now = now_ms();
@@ -87,7 +91,7 @@ impl Objects {
         &self,
         reference: &str,
         request: wire::UpdateObject,
-    ) -> Result<Object, Refusal> {
+    ) -> Result<Object, Cause> {
         let object = self.find(reference)?;
         request.name.as_deref().map(convert::name).transpose()?;
         let description = request.description.as_deref();
@@ -99,19 +103,19 @@ impl Objects {
                 request.description.clone().unwrap_or_else(|| now.description.clone());
             now.revision += 1;
             now.updated_at_ms = now_ms();
-            Ok::<(), Refusal>(())
+            Ok::<(), StoreError>(())
         });
-        updated.await?
+        Ok(updated.await??)
     }
 
     /// Deletes an object with its mesh and readings, unless a training needs them.
-    pub(crate) async fn delete(&self, reference: &str) -> Result<(), Refusal> {
+    pub(crate) async fn delete(&self, reference: &str) -> Result<(), ObjectError> {
         let object = self.find(reference)?;
         for job in self.store.jobs().all()? {
             let is_needed = matches!(job.state, JobState::Queued | JobState::Running)
                 && job.request.contains(&object.id.to_string());
             if is_needed {
-                return Err(Refusal::ObjectInTraining { object: object.name, job: job.id });
+                return Err(ObjectError::InTraining { object: object.name, job: job.id });
             }
         }
         self.store.essential().remove_object(object.id).await?;
@@ -126,14 +130,14 @@ impl Objects {
         query: wire::MeshQuery,
         content_type: &str,
         file: Bytes,
-    ) -> Result<wire::MeshReport, Refusal> {
+    ) -> Result<wire::MeshReport, ObjectError> {
         let object = self.find(reference)?;
         let format = convert::object::mesh_format(content_type, query.format)?;
         let unit = stored_unit(query.unit);
         let bytes = file.clone();
         let read = move || Mesh::from_bytes(format, &bytes, unit_metres(unit));
         let mesh = self.pool.place()?.run_long(read).await?;
-        let mesh = mesh.map_err(|error| Refusal::field("", error))?;
+        let mesh = mesh.map_err(|error| Cause::field("", error))?;
         let format = stored_format(format);
         let info = MeshInfo::new(Uuid::now_v7(), format, unit, &file, now_ms());
         self.store.meshes().put(object.id, &info, &file).await?;
@@ -143,11 +147,11 @@ impl Objects {
     }
 
     /// A reader of an object's uploaded mesh, block by block, and its format.
-    pub(crate) async fn mesh(&self, reference: &str) -> Result<(MeshFormat, MeshReader), Refusal> {
+    pub(crate) async fn mesh(&self, reference: &str) -> Result<(MeshFormat, MeshReader), Cause> {
         let object = self.find(reference)?;
         let meshes = self.store.meshes();
         let found = self.pool.place()?.run_long(move || meshes.open(object.id)).await??;
-        let reader = found.ok_or_else(|| Refusal::NotFound {
+        let reader = found.ok_or_else(|| Cause::NotFound {
             what: "mesh of object",
             reference: object.name.clone(),
         })?;
@@ -159,7 +163,7 @@ impl Objects {
         &self,
         reference: &str,
         request: &wire::AddTrainingReadings,
-    ) -> Result<wire::TrainingReadingsAdded, Refusal> {
+    ) -> Result<wire::TrainingReadingsAdded, Cause> {
         let object = self.find(reference)?;
         let frame_id = convert::reading::shared_frame(&request.readings)?;
         let _using = self.sensors.using().await;
@@ -172,7 +176,7 @@ impl Objects {
             self.check_like_first(&object, &readings)?;
             let entries = self.new_entries(&object, &readings)?;
             if before as usize + entries.len() > self.readings_max {
-                return Err(Refusal::ReadingsFull {
+                return Err(Cause::ReadingsFull {
                     what: "object",
                     found: before,
                     more: entries.len(),
@@ -205,7 +209,7 @@ impl Objects {
         reference: &str,
         query: &wire::PageQuery,
         keys: &Keys,
-    ) -> Result<wire::StoredReadingPage, Refusal> {
+    ) -> Result<wire::StoredReadingPage, Cause> {
         let object = self.find(reference)?;
         let (from, limit) = (page_number(query)?, page_length(query)?);
         let journal = self.store.training();
@@ -224,7 +228,7 @@ impl Objects {
 
     /// Refuses readings of another sensor than the object's first, since a map has one
     /// sensor, and features of another length.
-    fn check_like_first(&self, object: &Object, readings: &[Incoming]) -> Result<(), Refusal> {
+    fn check_like_first(&self, object: &Object, readings: &[Incoming]) -> Result<(), Cause> {
         let first = match self.store.training().entry(object.id, 0)?.map(|entry| entry.event) {
             Some(Event::Reading(reading)) => reading,
             _ => readings[0].stored.clone(),
@@ -236,7 +240,7 @@ impl Objects {
             let detail = format!(
                 "{found} values came, expected {expected} as in the object's first reading"
             );
-            return Err(Refusal::field(format!("/readings/{index}/feature"), detail));
+            return Err(Cause::field(format!("/readings/{index}/feature"), detail));
         }
         let Some(index) = readings.iter().position(|r| r.sensor.id != first.sensor) else {
             return Ok(());
@@ -247,18 +251,14 @@ impl Objects {
             "came {found:?}, expected {:?} as in the object's first reading",
             expected.name
         );
-        Err(Refusal::field(format!("/readings/{index}/sensor"), detail))
+        Err(Cause::field(format!("/readings/{index}/sensor"), detail))
     }
 
     /// The entries of the readings that are not stored yet.
-    fn new_entries(
-        &self,
-        object: &Object,
-        readings: &[Incoming],
-    ) -> Result<Vec<NewEntry>, Refusal> {
+    fn new_entries(&self, object: &Object, readings: &[Incoming]) -> Result<Vec<NewEntry>, Cause> {
         let (journal, key) = (self.store.training(), Asker::current().key());
         let stored =
-            |id: &palpate_store::entity::ReadingId| -> Result<Option<StoredReading>, Refusal> {
+            |id: &palpate_store::entity::ReadingId| -> Result<Option<StoredReading>, Cause> {
                 let Some(seq) = journal.find(object.id, id, key)? else { return Ok(None) };
                 let entry = journal.entry(object.id, seq)?;
                 Ok(entry.and_then(|entry| match entry.event {

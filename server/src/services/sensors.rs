@@ -13,9 +13,9 @@ use palpate_store::entity::Sensor;
 use palpate_store::error::StoreError;
 use uuid::Uuid;
 
+use crate::cause::Cause;
 use crate::clock::now_ms;
 use crate::known_sensors::KnownSensors;
-use crate::refusal::Refusal;
 use crate::services::calibrations::Calibrations;
 use crate::wire::reading::Source;
 use crate::wire::{cursor, page_id, page_length, reading, sensor};
@@ -69,12 +69,12 @@ impl Sensors {
     }
 
     /// The sensor with an id or a name.
-    pub(crate) fn get(&self, reference: &str) -> Result<Arc<Sensor>, Refusal> {
+    pub(crate) fn get(&self, reference: &str) -> Result<Arc<Sensor>, Cause> {
         Ok(self.known.get(reference)?)
     }
 
     /// The sensors named by the readings of a request, unless unknown or under removal.
-    pub(crate) fn sources(&self, given: &[wire::Reading]) -> Result<Vec<Option<Source>>, Refusal> {
+    pub(crate) fn sources(&self, given: &[wire::Reading]) -> Result<Vec<Option<Source>>, Cause> {
         given.iter().map(|reading| self.source(&reading.sensor)).collect()
     }
 
@@ -83,12 +83,12 @@ impl Sensors {
         Ok(self.known.find(reference)?.filter(|sensor| !self.closed.contains(&sensor.id)))
     }
 
-    fn source(&self, reference: &str) -> Result<Option<Source>, Refusal> {
+    fn source(&self, reference: &str) -> Result<Option<Source>, Cause> {
         let usable = self.find_to_use(reference)?;
         Ok(usable.map(|sensor| self.known.source(sensor)).transpose()?)
     }
 
-    pub(crate) async fn create(&self, request: &wire::CreateSensor) -> Result<Sensor, Refusal> {
+    pub(crate) async fn create(&self, request: &wire::CreateSensor) -> Result<Sensor, Cause> {
         let sensor = sensor::new_sensor(request, Uuid::now_v7(), now_ms())?;
         self.store.sensors().create(&sensor).await?;
         tracing::info!(sensor.id = %sensor.id, "Created sensor {:?}", sensor.name);
@@ -100,13 +100,13 @@ impl Sensors {
         &self,
         reference: &str,
         given: &wire::Reading,
-    ) -> Result<wire::ReadingCheck, Refusal> {
+    ) -> Result<wire::ReadingCheck, Cause> {
         let expected = self.get(reference)?;
         let incoming =
             reading::one("", given, self.source(&given.sensor)?, given.frame_id.as_deref())?;
         if incoming.sensor.id != expected.id {
             let detail = format!("came {:?}, expected {reference:?} as in the path", given.sensor);
-            return Err(Refusal::field("/sensor", detail));
+            return Err(Cause::field("/sensor", detail));
         }
         let applied = self.known.newest(expected.id)?;
         let pose = incoming.stored.session_from_sensor;
@@ -114,14 +114,14 @@ impl Sensors {
         Ok(sensor::check(&incoming.reading, pose, description, applied.as_ref()))
     }
 
-    pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::SensorPage, Refusal> {
+    pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::SensorPage, Cause> {
         let page = self.store.sensors().list_whole(page_id(query)?, page_length(query)?)?;
         let items: Result<_, _> = page.items.iter().map(|sensor| self.show(sensor)).collect();
         Ok(wire::SensorPage { items: items?, next_cursor: cursor(page.next) })
     }
 
     /// A sensor in its wire form.
-    pub(crate) fn show(&self, sensor: &Sensor) -> Result<wire::Sensor, Refusal> {
+    pub(crate) fn show(&self, sensor: &Sensor) -> Result<wire::Sensor, Cause> {
         let newest = self.known.newest(sensor.id)?;
         Ok(sensor::sensor(sensor, newest.map(|newest| newest.number)))
     }

@@ -6,6 +6,7 @@
 //! map lives across an await. Changes of a session run in a separate task, so that a robot
 //! that hangs up does not leave them half done.
 
+pub(crate) mod error;
 mod fits;
 mod fleet;
 mod history;
@@ -22,22 +23,26 @@ use palpate_schemas as wire;
 use palpate_schemas::{BeliefDetail, Method, SessionEvent, SessionState};
 use palpate_store::database::Database;
 use palpate_store::entity::Session;
+use palpate_store::error::StoreError;
 use tokio::sync::broadcast;
 use tokio::task::JoinHandle;
 use uuid::Uuid;
 
 use crate::asker;
+use crate::cause::Cause;
 use crate::clock::now_ms;
 use crate::compute::Pool;
 use crate::config::Config;
 use crate::live::checkpoints::Checkpoints;
+use crate::live::error::LiveError;
 use crate::live::{Live, POSES, Tools, Total, status};
 use crate::model::Model;
-use crate::refusal::Refusal;
 use crate::services::catalogues::Catalogues;
+use crate::services::catalogues::error::CatalogueError;
 use crate::services::keys::Keys;
 use crate::services::sensors::Sensors;
 use crate::wire::{self as convert};
+use error::SessionError;
 
 use open::Open;
 
@@ -99,7 +104,7 @@ impl Sessions {
         id: &str,
         request: &wire::AddReadings,
         detail: BeliefDetail,
-    ) -> Result<wire::ReadingsAdded, Refusal> {
+    ) -> Result<wire::ReadingsAdded, SessionError> {
         let live = self.live(self.parse(id)?).await?;
         let frame_id = convert::session::frame_id(live.session());
         let using = self.sensors.using().await;
@@ -130,11 +135,13 @@ impl Sessions {
         id: &str,
         query: wire::BeliefQuery,
         known_revision: Option<u64>,
-    ) -> Result<Option<wire::Belief>, Refusal> {
+    ) -> Result<Option<wire::Belief>, SessionError> {
         let poses = poses(query.poses)?;
         let live = self.live(self.parse(id)?).await?;
         match query.at {
-            Some(at) => live.belief_at(&self.tools(), poses, u64::from(at), known_revision).await,
+            Some(at) => {
+                Ok(live.belief_at(&self.tools(), poses, u64::from(at), known_revision).await?)
+            }
             None => self.belief_of(live, poses, known_revision).await,
         }
     }
@@ -145,7 +152,7 @@ impl Sessions {
         id: &str,
         query: wire::MarginalsQuery,
         known_revision: Option<u64>,
-    ) -> Result<Option<wire::Marginals>, Refusal> {
+    ) -> Result<Option<wire::Marginals>, SessionError> {
         let live = self.live(self.parse(id)?).await?;
         let sessions = Arc::clone(self);
         let asking = asker::spawn(async move {
@@ -160,7 +167,7 @@ impl Sessions {
         self: &Arc<Self>,
         id: &str,
         asked: &wire::AskNextTouches,
-    ) -> Result<wire::NextTouches, Refusal> {
+    ) -> Result<wire::NextTouches, SessionError> {
         let begun = Instant::now();
         let live = self.live(self.parse(id)?).await?;
         let sensor = self.sensors.known().find(&asked.sensor)?;
@@ -178,15 +185,15 @@ impl Sessions {
         self: &Arc<Self>,
         id: Uuid,
         known_revision: Option<u64>,
-    ) -> Result<(Option<wire::Belief>, broadcast::Receiver<SessionEvent>), Refusal> {
+    ) -> Result<(Option<wire::Belief>, broadcast::Receiver<SessionEvent>), SessionError> {
         let live = self.live(id).await?;
         let events = live.subscribe();
         Ok((self.belief_of(live, POSES, known_revision).await?, events))
     }
 
     /// The id of a session in a path.
-    pub(crate) fn parse(&self, id: &str) -> Result<Uuid, Refusal> {
-        let unknown = || Refusal::NotFound { what: "session", reference: id.to_owned() };
+    pub(crate) fn parse(&self, id: &str) -> Result<Uuid, Cause> {
+        let unknown = || Cause::NotFound { what: "session", reference: id.to_owned() };
         Uuid::parse_str(id).map_err(|_| unknown())
     }
 
@@ -210,7 +217,7 @@ impl Sessions {
         live: Arc<Live>,
         poses: usize,
         known_revision: Option<u64>,
-    ) -> Result<Option<wire::Belief>, Refusal> {
+    ) -> Result<Option<wire::Belief>, SessionError> {
         let sessions = Arc::clone(self);
         let asking =
             asker::spawn(
@@ -236,19 +243,19 @@ impl Sessions {
         }
     }
 
-    fn find(&self, id: &str) -> Result<Session, Refusal> {
+    fn find(&self, id: &str) -> Result<Session, Cause> {
         let found = self.store.sessions().find(self.parse(id)?)?;
-        found.ok_or_else(|| Refusal::NotFound { what: "session", reference: id.to_owned() })
+        found.ok_or_else(|| Cause::NotFound { what: "session", reference: id.to_owned() })
     }
 
-    fn show(&self, session: &Session) -> Result<wire::Session, Refusal> {
+    fn show(&self, session: &Session) -> Result<wire::Session, StoreError> {
         let status = status(&self.store, session, now_ms())?;
         let catalogue = self.catalogues.name(session.catalogue)?;
         Ok(convert::session::session(session, &catalogue, status, |key| self.keys.writer(key)))
     }
 
     /// The session's entry in memory, created from the store if necessary.
-    async fn live(&self, id: Uuid) -> Result<Arc<Live>, Refusal> {
+    async fn live(&self, id: Uuid) -> Result<Arc<Live>, SessionError> {
         self.make_room(0)?;
         if let Some(live) = self.live.get(&id).map(|live| Arc::clone(&live)) {
             live.used(self.uses.fetch_add(1, Ordering::Relaxed));
@@ -256,8 +263,8 @@ impl Sessions {
             return Ok(live);
         }
         let found = self.store.sessions().find(id)?;
-        let session = found
-            .ok_or_else(|| Refusal::NotFound { what: "session", reference: id.to_string() })?;
+        let session =
+            found.ok_or_else(|| Cause::NotFound { what: "session", reference: id.to_string() })?;
         let method = convert::session::options(&session).method;
         let model = self.model(session.catalogue, session.version, method).await?;
         let live = self.keep(id, Arc::new(Live::new(session, model, &self.beliefs)));
@@ -272,10 +279,10 @@ impl Sessions {
         catalogue: Uuid,
         version: u32,
         method: Method,
-    ) -> Result<Arc<Model>, Refusal> {
+    ) -> Result<Arc<Model>, CatalogueError> {
         let part = convert::session::part(method);
         match self.catalogues.load(catalogue, version, part).await {
-            Err(Refusal::ModelsInUse { .. }) => {
+            Err(CatalogueError::ModelsInUse { .. }) => {
                 self.live.retain(|_, live| !is_idle(live));
                 self.catalogues.load(catalogue, version, part).await
             }
@@ -286,7 +293,7 @@ impl Sessions {
     /// Keeps the memory of beliefs and their tables within its budget, with space for `more`
     /// bytes: the least recently used beliefs are dropped and folded again on demand. Refuses
     /// if those in use take it all.
-    fn make_room(&self, more: usize) -> Result<(), Refusal> {
+    fn make_room(&self, more: usize) -> Result<(), LiveError> {
         let max = self.belief_bytes_max;
         if self.belief_bytes() + more <= max {
             return Ok(());
@@ -302,7 +309,7 @@ impl Sessions {
             live.forget();
         }
         let bytes = self.belief_bytes() + more;
-        if bytes > max { Err(Refusal::BeliefsFull { bytes, max }) } else { Ok(()) }
+        if bytes > max { Err(LiveError::BeliefsFull { bytes, max }) } else { Ok(()) }
     }
 
     /// Keeps an entry, unless another one was quicker; evicts entries when there are too many.
@@ -329,8 +336,11 @@ impl Sessions {
 }
 
 /// The outcome of a task that goes on when its caller leaves.
-async fn finished<T>(task: JoinHandle<Result<T, Refusal>>) -> Result<T, Refusal> {
-    task.await.unwrap_or(Err(Refusal::Panicked))
+async fn finished<T, E>(task: JoinHandle<Result<T, E>>) -> Result<T, SessionError>
+where
+    SessionError: From<E>,
+{
+    Ok(task.await.map_err(|_| Cause::Panicked)??)
 }
 
 /// Whether no request uses an entry and no follower has it.
@@ -339,7 +349,7 @@ fn is_idle(live: &Arc<Live>) -> bool {
 }
 
 /// Maximum number of poses of an answer.
-fn poses(asked: Option<u32>) -> Result<usize, Refusal> {
+fn poses(asked: Option<u32>) -> Result<usize, Cause> {
     let asked = asked.map_or(POSES as u64, u64::from);
     Ok(convert::within("?poses", asked, 0, POSES_MAX)? as usize)
 }

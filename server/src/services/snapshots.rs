@@ -12,8 +12,8 @@ use tokio::runtime::Handle;
 use tokio::sync::{mpsc, watch};
 use tokio::time::timeout;
 
+use crate::cause::Cause;
 use crate::clock::now_ms;
-use crate::refusal::Refusal;
 
 /// Maximum number of chunks that wait for the receiver.
 const CHUNKS_MAX: usize = 4;
@@ -30,10 +30,10 @@ pub(crate) type Chunk = Result<Bytes, std::io::Error>;
 pub(crate) async fn take(
     store: &Database,
     ended: impl Future<Output = ()> + Send + 'static,
-) -> Result<mpsc::Receiver<Chunk>, Refusal> {
+) -> Result<mpsc::Receiver<Chunk>, Cause> {
     let store = store.clone();
     let begun = tokio::task::spawn_blocking(move || store.cut());
-    let cut = begun.await.map_err(|_| Refusal::Panicked)??;
+    let cut = begun.await.map_err(|_| Cause::Panicked)??;
     let header = SnapshotHeader {
         layout: LAYOUT,
         created_at_ms: now_ms(),

@@ -18,9 +18,9 @@ use tokio::sync::watch;
 use uuid::Uuid;
 
 use crate::asker::Asker;
+use crate::cause::Cause;
 use crate::client::Client;
 use crate::limits::megabytes;
-use crate::refusal::Refusal;
 use crate::services::keys::Keys;
 
 /// Number of things named.
@@ -65,7 +65,7 @@ impl Storage {
     }
 
     /// Use of the disk, surveyed now. Blocks.
-    pub(crate) fn show(&self) -> Result<wire::Storage, Refusal> {
+    pub(crate) fn show(&self) -> Result<wire::Storage, Cause> {
         self.survey()?;
         let stats = self.store.stats()?;
         Ok(wire::Storage {
@@ -153,7 +153,7 @@ impl Storage {
     }
 
     /// Finds the largest things.
-    fn survey(&self) -> Result<(), Refusal> {
+    fn survey(&self) -> Result<(), Cause> {
         let mut ranking = Ranking::default();
         self.store.holdings(|holding| ranking.add(holding))?;
         let mut found = ranking.finish();
@@ -173,7 +173,7 @@ impl Storage {
     fn named(
         &self,
         (kind, id, bytes): (ThingKind, Uuid, u64),
-    ) -> Result<Option<StoredThing>, Refusal> {
+    ) -> Result<Option<StoredThing>, Cause> {
         let store = &self.store;
         let (kind, name) = match kind {
             ThingKind::Session => (

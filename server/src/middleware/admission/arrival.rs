@@ -12,6 +12,8 @@ use crate::app::App;
 use crate::budget::{Budget, Holding, Over};
 use crate::client::Client;
 use crate::refusal::Refusal;
+use crate::refusal::load::LoadError;
+use crate::refusal::request::RequestError;
 
 /// Multiple of its limit up to which a too long body is read and discarded, so that the
 /// robot, still sending, gets to read the answer.
@@ -42,7 +44,7 @@ pub(super) async fn receive(
     let reading = read(body, max, &mut room, bodies, time.pause);
     let within = time.whole;
     let bytes = tokio::time::timeout(within, reading).await;
-    let bytes = bytes.unwrap_or(Err(Refusal::BodyTooSlow { within }))?;
+    let bytes = bytes.map_err(|_| RequestError::BodyTooSlow { within })??;
     Ok((Request::from_parts(parts, Body::from(bytes)), room))
 }
 
@@ -65,8 +67,11 @@ async fn read(
     let mut length = 0usize;
     loop {
         let next = tokio::time::timeout(pause, stream.next()).await;
-        let Some(chunk) = next.map_err(|_| Refusal::BodyTooSlow { within: pause })? else { break };
-        let chunk = chunk.map_err(|error| Refusal::Unreadable { reason: error.to_string() })?;
+        let Some(chunk) = next.map_err(|_| RequestError::BodyTooSlow { within: pause })? else {
+            break;
+        };
+        let chunk =
+            chunk.map_err(|error| RequestError::Unreadable { reason: error.to_string() })?;
         length += chunk.len();
         if length <= max {
             room.grow_to(length).map_err(|over| full(bodies, over))?;
@@ -75,12 +80,12 @@ async fn read(
             break;
         }
     }
-    if length > max { Err(Refusal::BodyTooLarge { max }) } else { Ok(bytes.into()) }
+    if length > max { Err(RequestError::BodyTooLarge { max }.into()) } else { Ok(bytes.into()) }
 }
 
-fn full(bodies: &Budget, over: Over) -> Refusal {
+fn full(bodies: &Budget, over: Over) -> LoadError {
     match over {
-        Over::Total => Refusal::BodiesFull { used: bodies.used(), max: bodies.total() },
+        Over::Total => LoadError::BodiesFull { used: bodies.used(), max: bodies.total() },
         Over::Share => share("bodies", "content-bytes", bodies),
     }
 }

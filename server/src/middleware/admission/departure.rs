@@ -12,6 +12,7 @@ use crate::admission::{InMemory, share};
 use crate::budget::{Budget, Holding, Over};
 use crate::client::Client;
 use crate::refusal::Refusal;
+use crate::refusal::load::LoadError;
 
 /// Largest piece of an answer that is passed on at once. The connection requests the next one
 /// when it has sent nearly all before it, so at most a few pieces wait uncounted.
@@ -30,9 +31,12 @@ pub(super) fn count(answers: &Arc<Budget>, client: Option<Client>, answer: Respo
         // An answer that the connection sends in one piece needs no counting.
         Ok(_) => answer,
         Err(Over::Total) => {
-            Refusal::AnswersFull { used: answers.used(), max: answers.total() }.into_response()
+            let (used, max) = (answers.used(), answers.total());
+            Refusal::from(LoadError::AnswersFull { used, max }).into_response()
         }
-        Err(Over::Share) => share("answers", "content-bytes", answers).into_response(),
+        Err(Over::Share) => {
+            Refusal::from(share("answers", "content-bytes", answers)).into_response()
+        }
     }
 }
 

@@ -3,8 +3,8 @@
 use palpate_schemas as wire;
 use palpate_store::model_codec::{APPEARANCE_BLOCK, ModelPart};
 
+use super::error::CatalogueError;
 use super::{Catalogues, number};
-use crate::refusal::Refusal;
 use crate::wire::appearance;
 
 impl Catalogues {
@@ -13,7 +13,7 @@ impl Catalogues {
         &self,
         name: &str,
         version: &str,
-    ) -> Result<wire::AppearanceReport, Refusal> {
+    ) -> Result<wire::AppearanceReport, CatalogueError> {
         let catalogue = self.find(name)?;
         let manifest = self.manifest(&catalogue, number(version)?)?;
         let model = self.load(catalogue.id, manifest.version, ModelPart::Appearance).await?;

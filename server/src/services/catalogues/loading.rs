@@ -17,11 +17,11 @@ use palpate_store::model::TrainedModel;
 use palpate_store::model_codec::{CodecError, ModelPart};
 use uuid::Uuid;
 
+use super::error::CatalogueError;
 use super::memory::NoRoom;
 use super::{Catalogues, parameters_of};
 use crate::asker::Asker;
 use crate::model::{Model, NoPart, part_name};
-use crate::refusal::Refusal;
 use crate::wire::count;
 
 /// Ratio of a surface's size in memory to its block's, unless a report states the size.
@@ -37,7 +37,7 @@ impl Catalogues {
         catalogue: Uuid,
         version: u32,
         part: ModelPart,
-    ) -> Result<Arc<Model>, Refusal> {
+    ) -> Result<Arc<Model>, CatalogueError> {
         let key = (catalogue, version, part);
         if let Some(model) = self.memory.get(&key) {
             return Ok(model);
@@ -50,21 +50,25 @@ impl Catalogues {
         }
         let name = self.table.get(catalogue)?.name;
         if let Some(reason) = self.damaged.get(&(catalogue, version)) {
-            return Err(Refusal::Quarantined { catalogue: name, version, reason: reason.clone() });
+            return Err(CatalogueError::Quarantined {
+                catalogue: name,
+                version,
+                reason: reason.clone(),
+            });
         }
         let manifest = self.table.manifest(catalogue, version)?;
         if !manifest.has(part) {
             return Err(NoPart { part, catalogue: name, version }.into());
         }
         let no_room = |needed: u64, why: NoRoom| match why {
-            NoRoom::TooLarge => Refusal::ModelTooLarge {
+            NoRoom::TooLarge => CatalogueError::ModelTooLarge {
                 catalogue: name.clone(),
                 version,
                 part: part_name(part),
                 needed,
                 budget: self.memory.budget(),
             },
-            NoRoom::InUse { bytes } => Refusal::ModelsInUse {
+            NoRoom::InUse { bytes } => CatalogueError::ModelsInUse {
                 catalogue: name.clone(),
                 version,
                 needed,
@@ -82,12 +86,10 @@ impl Catalogues {
             prepared_part(&table, read_name, manifest, core, part, &tables)
         };
         let model = match self.pool.place()?.run(read).await? {
-            Err(Refusal::Store(
-                error @ (StoreError::Damaged { .. } | StoreError::Model { .. }),
-            )) => {
+            Err(error @ (StoreError::Damaged { .. } | StoreError::Model { .. })) => {
                 let reason = error.to_string();
                 self.quarantine(catalogue, version, reason.clone());
-                return Err(Refusal::Quarantined { catalogue: name, version, reason });
+                return Err(CatalogueError::Quarantined { catalogue: name, version, reason });
             }
             other => other?,
         };
@@ -96,7 +98,11 @@ impl Catalogues {
     }
 
     /// All parts of a version's model, read for the caller alone.
-    pub(crate) async fn whole(&self, catalogue: Uuid, version: u32) -> Result<Arc<Model>, Refusal> {
+    pub(crate) async fn whole(
+        &self,
+        catalogue: Uuid,
+        version: u32,
+    ) -> Result<Arc<Model>, CatalogueError> {
         let (table, stop) = (self.table.clone(), Asker::current().overdue().clone());
         let read = move || {
             let name = table.get(catalogue)?.name;
@@ -105,7 +111,7 @@ impl Catalogues {
             let origins_in_model = origins_in_model(&manifest)?;
             let (core, objects) = (Arc::new(core), manifest.objects);
             let (symmetries, prepared) = (Arc::default(), None);
-            Ok::<_, Refusal>(Model {
+            Ok::<_, StoreError>(Model {
                 catalogue,
                 name,
                 version,
@@ -151,7 +157,7 @@ fn prepared_part(
     core: TrainedModel,
     part: ModelPart,
     tables: &Arc<TableBudget>,
-) -> Result<Model, Refusal> {
+) -> Result<Model, StoreError> {
     let (catalogue, version, n_objects) =
         (manifest.catalogue, manifest.version, manifest.objects.len());
     let what = part_name(part);

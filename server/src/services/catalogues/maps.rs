@@ -15,11 +15,12 @@ use palpate_store::model::TrainedModel;
 use palpate_store::model_codec::{ModelPart, model_to_blocks};
 use uuid::Uuid;
 
+use super::error::CatalogueError;
 use super::{Catalogues, Model};
 use crate::asker::Asker;
+use crate::cause::Cause;
 use crate::clock::now_ms;
 use crate::compute::Pool;
-use crate::refusal::Refusal;
 use crate::wire::{geometry, training};
 
 /// Approximate length of an image's longer side, in pixels.
@@ -42,12 +43,12 @@ impl Mapped {
         format!("\"{}-{}\"", self.model.catalogue.simple(), self.model.version)
     }
 
-    pub(crate) fn occupancy(&self, slice: Option<u32>) -> Result<wire::OccupancyMap, Refusal> {
+    pub(crate) fn occupancy(&self, slice: Option<u32>) -> Result<wire::OccupancyMap, Cause> {
         Ok(geometry::occupancy_map(&self.model.objects[self.place], &self.map, slice)?)
     }
 
     /// A layer of cells as a PNG; the middle one unless named.
-    pub(crate) async fn png(&self, pool: &Pool, slice: Option<u32>) -> Result<Vec<u8>, Refusal> {
+    pub(crate) async fn png(&self, pool: &Pool, slice: Option<u32>) -> Result<Vec<u8>, Cause> {
         let [x, y, n_slices] = self.map.occupancy.shape().n();
         let slice = match slice {
             Some(slice) => geometry::slice_number(&self.map.occupancy, slice)?,
@@ -57,11 +58,11 @@ impl Mapped {
         let map = Arc::clone(&self.map);
         let draw = move || layer_png(&map.occupancy, slice, cell_pixels);
         let png = pool.place()?.run_long(draw).await?;
-        png.ok_or_else(|| Refusal::NotFound { what: "slice", reference: slice.to_string() })
+        png.ok_or_else(|| Cause::NotFound { what: "slice", reference: slice.to_string() })
     }
 
     /// The cells that are likely occupied, or the surface around them.
-    pub(crate) async fn ply(&self, pool: &Pool, form: PlyForm) -> Result<Vec<u8>, Refusal> {
+    pub(crate) async fn ply(&self, pool: &Pool, form: PlyForm) -> Result<Vec<u8>, Cause> {
         let map = Arc::clone(&self.map);
         let write = move || match form {
             PlyForm::Points => Some(cloud_ply(&map.occupancy, OCCUPIED)),
@@ -71,7 +72,7 @@ impl Mapped {
         ply.ok_or_else(|| {
             let detail = "came `mesh`, but the map is planar or has no occupied cell: it has no \
                           surface, ask for `points`";
-            Refusal::field("?form", detail)
+            Cause::field("?form", detail)
         })
     }
 }
@@ -83,7 +84,7 @@ impl Catalogues {
         name: &str,
         version: &str,
         object: &str,
-    ) -> Result<Mapped, Refusal> {
+    ) -> Result<Mapped, CatalogueError> {
         let (model, place) = self.object_of(name, version, object, ModelPart::Geometric).await?;
         let map = Arc::clone(&model.geometric()?.maps[place]);
         Ok(Mapped { model, map, place })
@@ -94,17 +95,17 @@ impl Catalogues {
         &self,
         name: &str,
         request: &wire::MergeMaps,
-    ) -> Result<wire::CatalogueVersion, Refusal> {
+    ) -> Result<wire::CatalogueVersion, CatalogueError> {
         let _using = self.using().await;
         let catalogue = self.find(name)?;
         let ours = self.pin(name, request.version)?;
         let ours = self.whole(ours.catalogue, ours.version).await?;
         let with = self
             .find(&request.with.catalogue)
-            .map_err(|refusal| Refusal::field("/with/catalogue", refusal))?;
+            .map_err(|error| Cause::field("/with/catalogue", error))?;
         let theirs = self
             .manifest(&with, request.with.version)
-            .map_err(|refusal| Refusal::field("/with/version", refusal))?;
+            .map_err(|error| Cause::field("/with/version", error))?;
         let theirs = self.whole(with.id, theirs.version).await?;
         let manifest = self.manifest(&catalogue, ours.version)?;
         let mut parameters = training::parameters(&catalogue, &manifest)?;
@@ -114,7 +115,7 @@ impl Catalogues {
             let geometry = merge(&ours, &theirs, &stop)?;
             let core = TrainedModel { geometric: Some(Arc::new(geometry)), ..(*ours.core).clone() };
             let ids: Vec<Uuid> = ours.objects.iter().map(|object| object.id).collect();
-            Ok::<_, Refusal>((model_to_blocks(&core, &ids), core))
+            Ok::<_, CatalogueError>((model_to_blocks(&core, &ids), core))
         };
         let (blocks, core) = self.pool.place()?.run_long(merging).await??;
         let maps = core.geometric.iter().flat_map(|geometry| &geometry.maps);
@@ -142,7 +143,7 @@ fn reference(model: &Model) -> wire::VersionReference {
 
 /// The geometry of `ours` with the evidence of `theirs`. Objects missing in `theirs` keep
 /// their maps.
-fn merge(ours: &Model, theirs: &Model, stop: &Stop) -> Result<GeometricModel, Refusal> {
+fn merge(ours: &Model, theirs: &Model, stop: &Stop) -> Result<GeometricModel, CatalogueError> {
     let (our_geometry, their_geometry) = (ours.geometric()?, theirs.geometric()?);
     let mut n_shared = 0;
     let mut maps = Vec::with_capacity(ours.objects.len());
@@ -159,9 +160,7 @@ fn merge(ours: &Model, theirs: &Model, stop: &Stop) -> Result<GeometricModel, Re
         let occupancy = map
             .occupancy
             .merge_shifted(&their_geometry.maps[other].occupancy, theirs_from_ours, stop)
-            .map_err(|error| {
-                Refusal::field("/with", format!("object {:?}: {error}", object.name))
-            })?;
+            .map_err(|error| Cause::field("/with", format!("object {:?}: {error}", object.name)))?;
         maps.push(Arc::new(GeometricMap { occupancy, mosaic: map.mosaic.clone() }));
     }
     if n_shared == 0 {
@@ -169,7 +168,7 @@ fn merge(ours: &Model, theirs: &Model, stop: &Stop) -> Result<GeometricModel, Re
             "version {} of catalogue {:?} knows none of the objects of version {} of {:?}",
             theirs.version, theirs.name, ours.version, ours.name
         );
-        return Err(Refusal::field("/with", detail));
+        return Err(Cause::field("/with", detail).into());
     }
     let mut gains = our_geometry.gains.clone();
     let known = |sensor| gains.iter().any(|known| known.sensor == sensor);

@@ -9,8 +9,9 @@ use palpate_schemas::StartTraining;
 use palpate_store::catalogue::Catalogue;
 use palpate_store::entity::{Job, JobState, Session};
 
+use super::error::CatalogueError;
 use super::{Catalogues, number};
-use crate::refusal::Refusal;
+use crate::cause::Cause;
 
 impl Catalogues {
     /// Read-locked while an operation starts to need a version.
@@ -19,14 +20,18 @@ impl Catalogues {
     }
 
     /// Removes a version that is not needed.
-    pub(crate) async fn remove_version(&self, name: &str, version: &str) -> Result<(), Refusal> {
+    pub(crate) async fn remove_version(
+        &self,
+        name: &str,
+        version: &str,
+    ) -> Result<(), CatalogueError> {
         let (_alone, _publishing) = (self.using.write().await, self.publishing.lock().await);
         let catalogue = self.find(name)?;
         let version = self.manifest(&catalogue, number(version)?)?.version;
         let what = format!("version {version} of catalogue {name:?}");
         if catalogue.current == Some(version) {
             let by = "new sessions use it: make another version current first".to_owned();
-            return Err(Refusal::Needed { what, by });
+            return Err(Cause::Needed { what, by }.into());
         }
         self.expect_unused(&what, &catalogue, Some(version))?;
         self.removing.remove_version(catalogue.id, version).await?;
@@ -36,7 +41,7 @@ impl Catalogues {
     }
 
     /// Removes a catalogue that is not needed, with all its versions.
-    pub(crate) async fn remove(&self, name: &str) -> Result<(), Refusal> {
+    pub(crate) async fn remove(&self, name: &str) -> Result<(), Cause> {
         let (_alone, _publishing) = (self.using.write().await, self.publishing.lock().await);
         let catalogue = self.find(name)?;
         let what = format!("catalogue {name:?}");
@@ -53,8 +58,8 @@ impl Catalogues {
         what: &str,
         catalogue: &Catalogue,
         version: Option<u32>,
-    ) -> Result<(), Refusal> {
-        let needed = |by: String| Err(Refusal::Needed { what: what.to_owned(), by });
+    ) -> Result<(), Cause> {
+        let needed = |by: String| Err(Cause::Needed { what: what.to_owned(), by });
         let uses = |session: &Session| {
             session.catalogue == catalogue.id && version.is_none_or(|v| v == session.version)
         };

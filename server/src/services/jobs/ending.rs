@@ -8,12 +8,12 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use palpate_store::entity::{Job, JobState};
+use palpate_store::error::StoreError;
 use tokio::sync::watch;
 use uuid::Uuid;
 
 use super::Jobs;
 use crate::clock::now_ms;
-use crate::refusal::Refusal;
 use crate::wire::training::job as shown;
 
 /// Pause before another attempt to store an end.
@@ -53,8 +53,8 @@ impl Jobs {
         let id = ending.id;
         match self.store_end(&ending).await {
             Ok(job) => self.conclude(&job),
-            Err(refusal) => {
-                tracing::error!("Cannot store the end of job {id} yet: {refusal}");
+            Err(error) => {
+                tracing::error!("Cannot store the end of job {id} yet: {error}");
                 self.tell_end(&ending);
                 let (jobs, stopping) = (Arc::clone(self), stopping.clone());
                 tokio::spawn(async move { jobs.end_later(ending, stopping).await });
@@ -82,17 +82,17 @@ impl Jobs {
             }
             match self.store_end(&ending).await {
                 Ok(job) => return self.conclude(&job),
-                Err(refusal) => tracing::debug!("Job {} waits to be stored: {refusal}", ending.id),
+                Err(error) => tracing::debug!("Job {} waits to be stored: {error}", ending.id),
             }
         }
     }
 
-    async fn store_end(&self, ending: &Ending) -> Result<Job, Refusal> {
+    async fn store_end(&self, ending: &Ending) -> Result<Job, StoreError> {
         // The end of a job frees its resources, so that it may use the reserve.
         let table = self.store.essential().jobs();
         let stored = table.update(ending.id, |now| {
             ending.write(now);
-            Ok::<(), Refusal>(())
+            Ok::<(), StoreError>(())
         });
         stored.await?
     }

@@ -3,10 +3,12 @@
 use palpate_schemas::StartTraining;
 use palpate_store::catalogue::{Manifest, VersionObject};
 use palpate_store::entity::Object;
+use palpate_store::error::StoreError;
 
 use super::Jobs;
-use crate::refusal::Refusal;
-use crate::services::training::{AppearancePlan, Base, Plan};
+use super::error::JobError;
+use crate::cause::Cause;
+use crate::services::training::{AppearancePlan, Base, Plan, TrainingFailure};
 use crate::wire as convert;
 
 impl Jobs {
@@ -15,7 +17,7 @@ impl Jobs {
         &self,
         catalogue: &str,
         request: &StartTraining,
-    ) -> Result<StartTraining, Refusal> {
+    ) -> Result<StartTraining, JobError> {
         let base = request.extend.map(|version| self.base_of(catalogue, version)).transpose()?;
         let mut training = match &base {
             None => convert::training::training(request)?,
@@ -25,7 +27,7 @@ impl Jobs {
         };
         let sensor = training.sensor.clone().unwrap_or_default();
         let sensor = self.sensors.find_to_use(&sensor)?.ok_or_else(|| {
-            Refusal::field(
+            Cause::field(
                 "/sensor",
                 format!("there is no sensor {sensor:?}, expected an id or a name"),
             )
@@ -38,9 +40,9 @@ impl Jobs {
     }
 
     /// The version to extend, and its training parameters.
-    fn base_of(&self, catalogue: &str, version: u32) -> Result<(Manifest, StartTraining), Refusal> {
+    fn base_of(&self, catalogue: &str, version: u32) -> Result<(Manifest, StartTraining), Cause> {
         let found = self.catalogues.manifest_of(catalogue, version);
-        let (manifest, parameters) = found.map_err(|refusal| Refusal::field("/extend", refusal))?;
+        let (manifest, parameters) = found.map_err(|error| Cause::field("/extend", error))?;
         Ok((manifest, parameters.training))
     }
 
@@ -49,9 +51,9 @@ impl Jobs {
         &self,
         catalogue: &str,
         training: &StartTraining,
-    ) -> Result<Plan, Refusal> {
+    ) -> Result<Plan, TrainingFailure> {
         let references = training.objects.as_deref().unwrap_or_default();
-        let objects: Result<Vec<VersionObject>, Refusal> = references
+        let objects: Result<Vec<VersionObject>, Cause> = references
             .iter()
             .map(|reference| {
                 let object = self.objects.find(reference)?;
@@ -91,7 +93,7 @@ impl Jobs {
         &self,
         training: &StartTraining,
         known: &[VersionObject],
-    ) -> Result<Vec<Object>, Refusal> {
+    ) -> Result<Vec<Object>, JobError> {
         let Some(references) = &training.objects else {
             let mut objects = Vec::new();
             for object in self.store.objects().all()? {
@@ -103,37 +105,39 @@ impl Jobs {
             if objects.is_empty() {
                 let new = if known.is_empty() { "" } else { "new " };
                 let detail = format!("no {new}object has data: upload a mesh or readings first");
-                return Err(Refusal::field("/objects", detail));
+                return Err(Cause::field("/objects", detail).into());
             }
             return Ok(objects);
         };
         if references.is_empty() {
-            return Err(Refusal::field("/objects", "came empty, expected at least one object"));
+            return Err(Cause::field("/objects", "came empty, expected at least one object").into());
         }
         let mut objects: Vec<Object> = Vec::with_capacity(references.len());
         for (index, reference) in references.iter().enumerate() {
             let at = format!("/objects/{index}");
             let object = match self.objects.find(reference) {
-                Err(missing @ Refusal::NotFound { .. }) => return Err(Refusal::field(at, missing)),
+                Err(missing @ Cause::NotFound { .. }) => {
+                    return Err(Cause::field(at, missing).into());
+                }
                 other => other?,
             };
             if objects.iter().any(|known| known.id == object.id) {
                 let detail = format!("object {:?} is named twice", object.name);
-                return Err(Refusal::field(at, detail));
+                return Err(Cause::field(at, detail).into());
             }
             if !self.has_data(&object)? {
                 let detail = format!(
                     "object {:?} has no data: upload a mesh or readings first",
                     object.name
                 );
-                return Err(Refusal::field(at, detail));
+                return Err(Cause::field(at, detail).into());
             }
             objects.push(object);
         }
         Ok(objects)
     }
 
-    fn has_data(&self, object: &Object) -> Result<bool, Refusal> {
+    fn has_data(&self, object: &Object) -> Result<bool, StoreError> {
         Ok(self.store.training().len(object.id)? > 0
             || self.store.meshes().info(object.id)?.is_some())
     }

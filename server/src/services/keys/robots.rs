@@ -13,8 +13,9 @@ use palpate_store::robot::RobotHolder;
 use uuid::Uuid;
 
 use super::Keys;
+use super::error::KeyError;
+use crate::cause::Cause;
 use crate::clock::now_ms;
-use crate::refusal::Refusal;
 use crate::wire::{page_length, reading, time};
 
 /// Maximum number of names of one key: more than robots, so that it cannot fill the store.
@@ -37,7 +38,7 @@ impl Keys {
         &self,
         key: Option<Uuid>,
         readings: impl Iterator<Item = (usize, &'a ReadingId)>,
-    ) -> Result<(), Refusal> {
+    ) -> Result<(), KeyError> {
         let Some(key) = key else { return Ok(()) };
         let mut first: BTreeMap<&str, usize> = BTreeMap::new();
         for (place, id) in readings {
@@ -50,12 +51,12 @@ impl Keys {
         let new = self.unheld(key, &first)?;
         let held = self.robots(|robots| robots.values().filter(|it| it.key == key).count());
         if held + new.len() > NAMES_MAX {
-            return Err(Refusal::RobotsFull { held, max: NAMES_MAX });
+            return Err(KeyError::RobotsFull { held, max: NAMES_MAX });
         }
         let since_ms = now_ms();
         let new: Vec<RobotHolder> =
             new.into_iter().map(|robot| RobotHolder { robot, key, since_ms }).collect();
-        self.hold(new).await
+        Ok(self.hold(new).await?)
     }
 
     /// The names without an owner; an error when one belongs to another key.
@@ -63,13 +64,13 @@ impl Keys {
         &self,
         key: Uuid,
         names: &BTreeMap<&str, usize>,
-    ) -> Result<BTreeSet<String>, Refusal> {
+    ) -> Result<BTreeSet<String>, KeyError> {
         let mut unheld = BTreeSet::new();
         for (name, place) in names {
             match self.robots(|robots| robots.get(*name).map(|holder| holder.key)) {
                 Some(holder) if holder == key => {}
                 Some(holder) if self.is_known(holder) => {
-                    return Err(Refusal::RobotHeld {
+                    return Err(KeyError::RobotHeld {
                         pointer: format!("/readings/{place}/robot"),
                         robot: (*name).to_owned(),
                     });
@@ -81,7 +82,7 @@ impl Keys {
     }
 
     /// A page of the names owned by keys.
-    pub(crate) fn list_robots(&self, query: &wire::PageQuery) -> Result<wire::RobotPage, Refusal> {
+    pub(crate) fn list_robots(&self, query: &wire::PageQuery) -> Result<wire::RobotPage, Cause> {
         let limit = page_length(query)?;
         let after = query.cursor.clone().unwrap_or_default();
         let mut behind = self.robots(|robots| {
@@ -100,13 +101,13 @@ impl Keys {
         &self,
         robot: &str,
         request: &wire::BindRobot,
-    ) -> Result<wire::Robot, Refusal> {
+    ) -> Result<wire::Robot, KeyError> {
         reading::robot("?robot", robot)?;
         let _changing = self.changing.lock().await;
-        let no_key = |_| Refusal::field("/key", format!("there is no key {:?}", request.key));
+        let no_key = |_| Cause::field("/key", format!("there is no key {:?}", request.key));
         let key = self.get(&request.key).map_err(no_key)?;
         if key.revoked_at_ms.is_some() {
-            return Err(Refusal::KeyRefused { name: key.name });
+            return Err(KeyError::Refused { name: key.name });
         }
         let holder = RobotHolder { robot: robot.to_owned(), key: key.id, since_ms: now_ms() };
         self.hold(vec![holder.clone()]).await?;
@@ -114,10 +115,10 @@ impl Keys {
     }
 
     /// Releases a robot's name: it belongs to the key that uses it next.
-    pub(crate) async fn release_robot(&self, robot: &str) -> Result<(), Refusal> {
+    pub(crate) async fn release_robot(&self, robot: &str) -> Result<(), Cause> {
         let _changing = self.changing.lock().await;
         if !self.robots(|robots| robots.contains_key(robot)) {
-            return Err(Refusal::NotFound { what: "robot", reference: robot.to_owned() });
+            return Err(Cause::NotFound { what: "robot", reference: robot.to_owned() });
         }
         self.store.robots().remove(robot).await?;
         self.holders.write().unwrap_or_else(PoisonError::into_inner).remove(robot);
@@ -135,7 +136,7 @@ impl Keys {
     }
 
     /// Stores names, then applies the change.
-    async fn hold(&self, new: Vec<RobotHolder>) -> Result<(), Refusal> {
+    async fn hold(&self, new: Vec<RobotHolder>) -> Result<(), StoreError> {
         self.store.robots().put(&new).await?;
         let mut holders = self.holders.write().unwrap_or_else(PoisonError::into_inner);
         holders.extend(new.into_iter().map(|holder| (holder.robot.clone(), holder)));

@@ -12,8 +12,8 @@ use palpate_store::journal::{Event, Journal};
 use uuid::Uuid;
 
 use super::Sensors;
+use crate::cause::Cause;
 use crate::compute::Pool;
-use crate::refusal::Refusal;
 
 /// Number of records per read.
 const PER_PAGE: usize = 256;
@@ -37,11 +37,11 @@ impl Sensors {
     }
 
     /// Removes a sensor that is not needed, with its calibrations.
-    pub(crate) async fn remove(&self, reference: &str, pool: &Pool) -> Result<(), Refusal> {
+    pub(crate) async fn remove(&self, reference: &str, pool: &Pool) -> Result<(), Cause> {
         let sensor = self.get(reference)?;
         if sensor.preset.as_ref() == Some(&sensor.name) {
             let what = format!("sensor {:?}", sensor.name);
-            return Err(Refusal::Needed { what, by: "every server has its preset".to_owned() });
+            return Err(Cause::Needed { what, by: "every server has its preset".to_owned() });
         }
         self.expect_unused(&sensor, pool).await?;
         // From here on it accepts no readings; those being stored are awaited.
@@ -56,18 +56,18 @@ impl Sensors {
     }
 
     /// Refuses if the sensor is needed. Searches on a thread of the pool.
-    async fn expect_unused(&self, sensor: &Sensor, pool: &Pool) -> Result<(), Refusal> {
+    async fn expect_unused(&self, sensor: &Sensor, pool: &Pool) -> Result<(), Cause> {
         let (store, id, created) = (self.store.clone(), sensor.id, sensor.created_at_ms);
         let needs = move || needs(&store, id, created);
         match pool.place()?.run_long(needs).await?? {
             None => Ok(()),
-            Some(by) => Err(Refusal::Needed { what: format!("sensor {:?}", sensor.name), by }),
+            Some(by) => Err(Cause::Needed { what: format!("sensor {:?}", sensor.name), by }),
         }
     }
 }
 
 /// The user of a sensor that exists since `created_at_ms`, if any. Blocks.
-fn needs(store: &Database, sensor: Uuid, created_at_ms: u64) -> Result<Option<String>, Refusal> {
+fn needs(store: &Database, sensor: Uuid, created_at_ms: u64) -> Result<Option<String>, Cause> {
     let is_unfinished = |job: &&Job| matches!(job.state, JobState::Queued | JobState::Running);
     let jobs = store.jobs().list_whole(None, usize::MAX - 1)?.items;
     let touches = |job: &&Job| job.request.contains(&sensor.to_string());
@@ -101,7 +101,7 @@ fn needs(store: &Database, sensor: Uuid, created_at_ms: u64) -> Result<Option<St
     }
 }
 
-fn has_reading(journal: &Journal, session: Uuid, sensor: Uuid) -> Result<bool, Refusal> {
+fn has_reading(journal: &Journal, session: Uuid, sensor: Uuid) -> Result<bool, Cause> {
     let mut next = 0;
     loop {
         let entries = journal.entries(session, next, PER_PAGE)?;

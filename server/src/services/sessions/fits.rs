@@ -7,10 +7,12 @@ use palpate_dissertation::geometric::{BeliefMemory, GeometricError};
 use palpate_schemas::{Method, PosePrior};
 use palpate_store::entity::Session;
 
+use super::error::SessionError;
+use crate::cause::Cause;
 use crate::limits::megabytes;
 use crate::live::belief::{BeliefError, SessionBelief};
 use crate::model::Model;
-use crate::refusal::Refusal;
+use crate::services::catalogues::error::CatalogueError;
 use crate::wire::geometry::HALF_EXTENT;
 use crate::wire::session::{self, Options, options};
 
@@ -22,7 +24,7 @@ const TABLES_SHARE: usize = 2;
 const OWN_SHARE: usize = 8;
 
 /// Refuses a session whose belief is impossible, or exceeds the memory of beliefs.
-pub(super) fn fits(session: &Session, model: &Model, bytes_max: usize) -> Result<(), Refusal> {
+pub(super) fn fits(session: &Session, model: &Model, bytes_max: usize) -> Result<(), SessionError> {
     let memory = SessionBelief::memory(session, model).map_err(refused)?;
     let Some(memory) = memory else { return Ok(()) };
     let (tables_max, own_max) = (bytes_max / TABLES_SHARE, bytes_max / OWN_SHARE);
@@ -54,7 +56,7 @@ pub(super) fn fits(session: &Session, model: &Model, bytes_max: usize) -> Result
         "the session's {what} would take {needed} of memory, expected at most {max}, which is \
          {share} of `--belief-memory-mb`"
     );
-    Err(Refusal::field(pointer, detail))
+    Err(Cause::field(pointer, detail).into())
 }
 
 /// The options with the default box of positions.
@@ -71,12 +73,12 @@ fn with_usual_box(chosen: &Options) -> Options {
 }
 
 /// The refusal of an impossible belief, at the field concerned.
-fn refused(error: BeliefError) -> Refusal {
+fn refused(error: BeliefError) -> SessionError {
     let BeliefError::Geometric(why) = &error else {
         return match error {
-            BeliefError::NoPart(error) => error.into(),
+            BeliefError::NoPart(error) => CatalogueError::from(error).into(),
             BeliefError::Invalid(error) => error.into(),
-            error => Refusal::field("/method", error),
+            error => Cause::field("/method", error).into(),
         };
     };
     let pointer = match why {
@@ -89,5 +91,5 @@ fn refused(error: BeliefError) -> Refusal {
         }
         _ => "/method",
     };
-    Refusal::field(pointer, error)
+    Cause::field(pointer, error).into()
 }

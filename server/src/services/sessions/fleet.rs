@@ -8,9 +8,9 @@ use palpate_store::entity::Session;
 use palpate_store::journal::{Entry, Event};
 
 use super::Sessions;
+use crate::cause::Cause;
 use crate::clock::now_ms;
 use crate::live::status;
-use crate::refusal::Refusal;
 use crate::wire::life::Status;
 use crate::wire::{self as convert, count, time, within};
 
@@ -30,14 +30,14 @@ impl Sessions {
     pub(crate) async fn fleet(
         self: &Arc<Self>,
         query: wire::FleetQuery,
-    ) -> Result<wire::Fleet, Refusal> {
+    ) -> Result<wire::Fleet, Cause> {
         let asked = query.limit.map_or(SESSIONS_MAX, u64::from);
         let limit = within("?limit", asked, 1, SESSIONS_MAX)? as usize;
         let sessions = Arc::clone(self);
         self.pool.place()?.run_long(move || sessions.fleet_now(limit)).await?
     }
 
-    fn fleet_now(&self, limit: usize) -> Result<wire::Fleet, Refusal> {
+    fn fleet_now(&self, limit: usize) -> Result<wire::Fleet, Cause> {
         let now = now_ms();
         let mut open = self.open_now(now)?;
         let n_open = count(open.len());
@@ -50,7 +50,7 @@ impl Sessions {
         Ok(wire::Fleet { at: time(now), n_open, sessions: sessions? })
     }
 
-    fn open_now(&self, now: u64) -> Result<Vec<OpenSession>, Refusal> {
+    fn open_now(&self, now: u64) -> Result<Vec<OpenSession>, Cause> {
         let mut open = Vec::new();
         for id in self.open.page(None, usize::MAX).0 {
             // A session deleted or damaged meanwhile is not open any more.
@@ -63,7 +63,7 @@ impl Sessions {
         Ok(open)
     }
 
-    fn fleet_session(&self, one: OpenSession) -> Result<wire::FleetSession, Refusal> {
+    fn fleet_session(&self, one: OpenSession) -> Result<wire::FleetSession, Cause> {
         let OpenSession { session, status, .. } = one;
         let from = status.length.saturating_sub(READINGS);
         let entries = self.store.journal().entries(session.id, from, READINGS as usize)?;

@@ -5,13 +5,15 @@ use std::sync::Arc;
 use palpate_schemas as wire;
 use palpate_schemas::BeliefDetail;
 use palpate_store::entity::ReadingId;
+use palpate_store::error::StoreError;
 use palpate_store::journal::Limit;
 use uuid::Uuid;
 
+use super::error::SessionError;
 use super::{Sessions, finished, poses};
 use crate::asker;
+use crate::cause::Cause;
 use crate::live::ReplayQuestion;
-use crate::refusal::Refusal;
 use crate::wire::{PAGE_BYTES, page_length, page_number, reading, within};
 
 /// Default number of steps of a replay.
@@ -25,7 +27,7 @@ impl Sessions {
         &self,
         id: &str,
         query: &wire::PageQuery,
-    ) -> Result<wire::SessionReadingPage, Refusal> {
+    ) -> Result<wire::SessionReadingPage, Cause> {
         let session = self.find(id)?.id;
         let (from, limit) = (page_number(query)?, page_length(query)?);
         let journal = self.store.journal();
@@ -49,7 +51,7 @@ impl Sessions {
         id: &str,
         number: &str,
         detail: BeliefDetail,
-    ) -> Result<wire::ReadingRetracted, Refusal> {
+    ) -> Result<wire::ReadingRetracted, SessionError> {
         let session = self.find(id)?.id;
         self.retract_number(session, number.parse().map_err(|_| no_reading(number))?, detail).await
     }
@@ -61,7 +63,7 @@ impl Sessions {
         robot: &str,
         seq: &str,
         detail: BeliefDetail,
-    ) -> Result<wire::ReadingRetracted, Refusal> {
+    ) -> Result<wire::ReadingRetracted, SessionError> {
         let session = self.find(id)?.id;
         let unknown = || no_reading(&format!("{robot}/{seq}"));
         let seq = seq.parse().map_err(|_| unknown())?;
@@ -72,13 +74,13 @@ impl Sessions {
 
     /// The entry with a robot's number: of the caller's own key, else of the key that owns
     /// the robot's name.
-    fn number(&self, session: Uuid, id: &ReadingId) -> Result<Option<u64>, Refusal> {
+    fn number(&self, session: Uuid, id: &ReadingId) -> Result<Option<u64>, StoreError> {
         let journal = self.store.journal();
         let own = journal.find(session, id, asker::Asker::current().key())?;
         if own.is_some() {
             return Ok(own);
         }
-        Ok(journal.find(session, id, self.keys.holder(&id.robot))?)
+        journal.find(session, id, self.keys.holder(&id.robot))
     }
 
     /// The beliefs of a session, revision by revision.
@@ -86,14 +88,14 @@ impl Sessions {
         self: &Arc<Self>,
         id: &str,
         query: wire::ReplayQuery,
-    ) -> Result<wire::Replay, Refusal> {
+    ) -> Result<wire::Replay, SessionError> {
         let limit = within("?limit", u64::from(query.limit.unwrap_or(STEPS)), 1, STEPS_MAX)?;
         let poses = poses(query.poses)?;
         let upto = query.upto.map(u64::from);
         let after = u64::from(query.after.unwrap_or(0));
         let question = ReplayQuestion { upto, after, limit, poses };
         let live = self.live(self.parse(id)?).await?;
-        live.replay(&self.tools(), question).await
+        Ok(live.replay(&self.tools(), question).await?)
     }
 
     /// The contribution of each reading to a session's belief.
@@ -101,9 +103,9 @@ impl Sessions {
         self: &Arc<Self>,
         id: &str,
         query: wire::ExplainQuery,
-    ) -> Result<wire::Explanation, Refusal> {
+    ) -> Result<wire::Explanation, SessionError> {
         let live = self.live(self.parse(id)?).await?;
-        live.explain(&self.tools(), query.at.map(u64::from)).await
+        Ok(live.explain(&self.tools(), query.at.map(u64::from)).await?)
     }
 
     async fn retract_number(
@@ -111,7 +113,7 @@ impl Sessions {
         session: Uuid,
         number: u64,
         detail: BeliefDetail,
-    ) -> Result<wire::ReadingRetracted, Refusal> {
+    ) -> Result<wire::ReadingRetracted, SessionError> {
         let live = self.live(session).await?;
         let sessions = Arc::clone(self);
         let task =
@@ -120,6 +122,6 @@ impl Sessions {
     }
 }
 
-fn no_reading(reference: &str) -> Refusal {
-    Refusal::NotFound { what: "reading", reference: reference.to_owned() }
+fn no_reading(reference: &str) -> Cause {
+    Cause::NotFound { what: "reading", reference: reference.to_owned() }
 }

@@ -6,18 +6,22 @@ use std::time::Duration;
 
 use palpate_schemas as wire;
 use palpate_schemas::{SessionEvent, SessionState};
+use palpate_store::error::StoreError;
 use rayon::prelude::*;
 use tokio::sync::watch;
 use uuid::Uuid;
 
+use super::error::SessionError;
 use super::fits::fits;
 use super::open::Full;
 use super::{Sessions, finished};
 use crate::asker;
+use crate::budget::ShareFull;
+use crate::cause::Cause;
 use crate::client::Client;
 use crate::clock::now_ms;
+use crate::live::error::LiveError;
 use crate::live::{Live, status};
-use crate::refusal::Refusal;
 use crate::services::catalogues::DEFAULT;
 use crate::wire::life::{opened_by, set_lease, set_truth};
 use crate::wire::session::Limits;
@@ -30,7 +34,7 @@ const SESSIONS_PER_READ: usize = 1000;
 
 impl Sessions {
     /// Registers the open sessions, and removes the checkpoints of others. Blocks.
-    pub(crate) fn take_stock(&self) -> Result<(), Refusal> {
+    pub(crate) fn take_stock(&self) -> Result<(), Cause> {
         let (mut after, now) = (None, now_ms());
         loop {
             let page = self.store.sessions().list_whole(after, SESSIONS_PER_READ)?;
@@ -38,7 +42,7 @@ impl Sessions {
             // have expired.
             let ends = page.items.par_iter().filter(|session| session.closed_at_ms.is_none());
             let ends = ends.map(|session| Ok((session, status(&self.store, session, now)?)));
-            for (session, status) in ends.collect::<Result<Vec<_>, Refusal>>()? {
+            for (session, status) in ends.collect::<Result<Vec<_>, StoreError>>()? {
                 if status.end.is_none() {
                     self.open.note(session.id, status.expires_at_ms, opened_by(session));
                 }
@@ -55,7 +59,7 @@ impl Sessions {
     pub(crate) async fn create(
         &self,
         request: &wire::CreateSession,
-    ) -> Result<wire::Session, Refusal> {
+    ) -> Result<wire::Session, SessionError> {
         let _using = self.catalogues.using().await;
         let name = request.catalogue.as_deref().unwrap_or(DEFAULT);
         let pinned = self.catalogues.pin(name, request.version)?;
@@ -79,12 +83,12 @@ impl Sessions {
         Ok(shown)
     }
 
-    pub(crate) fn get(&self, id: &str) -> Result<wire::Session, Refusal> {
+    pub(crate) fn get(&self, id: &str) -> Result<wire::Session, Cause> {
         let session = self.find(id)?;
-        self.show(&session)
+        Ok(self.show(&session)?)
     }
 
-    pub(crate) fn list(&self, query: &wire::SessionsQuery) -> Result<wire::SessionPage, Refusal> {
+    pub(crate) fn list(&self, query: &wire::SessionsQuery) -> Result<wire::SessionPage, Cause> {
         let page = wire::PageQuery { limit: query.limit, cursor: query.cursor.clone() };
         let (mut after, limit) = (page_id(&page)?, page_length(&page)?);
         if query.state == Some(SessionState::Open) {
@@ -106,7 +110,7 @@ impl Sessions {
         }
     }
 
-    fn list_open(&self, after: Option<Uuid>, limit: usize) -> Result<wire::SessionPage, Refusal> {
+    fn list_open(&self, after: Option<Uuid>, limit: usize) -> Result<wire::SessionPage, Cause> {
         let (ids, more) = self.open.page(after, limit);
         let next_cursor = cursor(ids.last().copied().filter(|_| more));
         let mut items = Vec::with_capacity(ids.len());
@@ -123,7 +127,7 @@ impl Sessions {
         &self,
         id: &str,
         asked: wire::ExtendSession,
-    ) -> Result<wire::Session, Refusal> {
+    ) -> Result<wire::Session, SessionError> {
         let id = self.find(id)?.id;
         let lease = convert::life::lease(asked)?;
         let (store, now, key) = (self.store.clone(), now_ms(), asker::Asker::current().key());
@@ -131,13 +135,13 @@ impl Sessions {
         let table = self.store.sessions();
         let extended = table.update(id, move |session| {
             if let Some(end) = status(&store, session, now)?.end {
-                return Err(Refusal::SessionEnded { session: id, end });
+                return Err(LiveError::Ended { session: id, end });
             }
             set_lease(session, until, key);
             Ok(())
         });
         let session = extended.await??;
-        self.show(&session)
+        Ok(self.show(&session)?)
     }
 
     /// Closes a session, and records its true object if stated; closing it again changes
@@ -146,7 +150,7 @@ impl Sessions {
         self: &Arc<Self>,
         id: &str,
         asked: &wire::CloseSession,
-    ) -> Result<wire::Session, Refusal> {
+    ) -> Result<wire::Session, SessionError> {
         let id = self.find(id)?.id;
         let live = self.live(id).await?;
         let told = convert::life::told_truth(asked, live.model())?;
@@ -161,19 +165,19 @@ impl Sessions {
             sessions.leave(id);
             let session = sessions.show(&sessions.store.sessions().get(id)?)?;
             live.publish(SessionEvent::Closed { session: Box::new(session.clone()) });
-            Ok(session)
+            Ok::<_, SessionError>(session)
         });
         finished(closing).await
     }
 
     /// Records a session's true object, and scores its belief.
-    async fn note_truth(&self, id: Uuid, truth: wire::Truth) -> Result<(), Refusal> {
+    async fn note_truth(&self, id: Uuid, truth: wire::Truth) -> Result<(), SessionError> {
         let is_new = Arc::new(AtomicBool::new(false));
         let (noted, told) = (Arc::clone(&is_new), truth.clone());
         let table = self.store.essential().sessions();
         let changed = table.update(id, move |session| {
             noted.store(set_truth(session, &told)?, Ordering::Relaxed);
-            Ok::<(), Refusal>(())
+            Ok::<(), SessionError>(())
         });
         changed.await??;
         if is_new.load(Ordering::Relaxed) {
@@ -187,7 +191,7 @@ impl Sessions {
     }
 
     /// Deletes a session with its readings.
-    pub(crate) async fn delete(&self, id: &str) -> Result<(), Refusal> {
+    pub(crate) async fn delete(&self, id: &str) -> Result<(), SessionError> {
         let id = self.find(id)?.id;
         match self.live.get(&id).map(|live| Arc::clone(&live)) {
             Some(live) => {
@@ -218,7 +222,7 @@ impl Sessions {
     }
 
     /// Ends the expired sessions and notifies their followers.
-    fn sweep(&self) -> Result<(), Refusal> {
+    fn sweep(&self) -> Result<(), Cause> {
         let now = now_ms();
         for id in self.open.due(now) {
             let Some(session) = self.store.sessions().find(id)? else {
@@ -247,7 +251,12 @@ impl Sessions {
     }
 
     /// Takes a slot for a new session, that of an expired one if necessary.
-    fn enter(&self, id: Uuid, expires: Option<u64>, client: Option<Client>) -> Result<(), Refusal> {
+    fn enter(
+        &self,
+        id: Uuid,
+        expires: Option<u64>,
+        client: Option<Client>,
+    ) -> Result<(), SessionError> {
         if self.open.enter(id, expires, client).is_ok() {
             return Ok(());
         }
@@ -257,10 +266,10 @@ impl Sessions {
                 let wait = soonest_ms.map(|soonest| {
                     Duration::from_millis(soonest.saturating_sub(now_ms())).max(SWEEP_EVERY)
                 });
-                Refusal::SessionsFull { max, wait }
+                SessionError::Full { max, wait }
             }
             Full::Share { used, max } => {
-                Refusal::ShareFull { name: "sessions", unit: "sessions", used, total: max }
+                ShareFull { name: "sessions", unit: "sessions", used, total: max }.into()
             }
         })
     }

@@ -4,13 +4,15 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use futures::stream::{self, StreamExt};
+use palpate_store::error::StoreError;
 use tokio::sync::watch;
 use uuid::Uuid;
 
 use super::Sessions;
+use super::error::SessionError;
+use crate::cause::Cause;
 use crate::clock::now_ms;
 use crate::live::status;
-use crate::refusal::Refusal;
 
 /// Interval of the search, unless sessions are kept for less.
 const LOOK_EVERY: Duration = Duration::from_secs(60);
@@ -39,7 +41,7 @@ impl Sessions {
     }
 
     /// Deletes the sessions that ended before; their number.
-    async fn forget_ended(&self, keep: Duration) -> Result<usize, Refusal> {
+    async fn forget_ended(&self, keep: Duration) -> Result<usize, SessionError> {
         let before_ms = now_ms().saturating_sub(keep.as_millis() as u64);
         let (mut after, mut n_deleted) = (None, 0);
         loop {
@@ -51,7 +53,7 @@ impl Sessions {
                 match deleted {
                     Ok(()) => n_deleted += 1,
                     // A client was quicker.
-                    Err(Refusal::NotFound { .. }) => {}
+                    Err(SessionError::Cause(Cause::NotFound { .. })) => {}
                     Err(error) => return Err(error),
                 }
             }
@@ -67,7 +69,7 @@ impl Sessions {
         &self,
         after: Option<Uuid>,
         before_ms: u64,
-    ) -> Result<(Vec<Uuid>, Option<Uuid>), Refusal> {
+    ) -> Result<(Vec<Uuid>, Option<Uuid>), StoreError> {
         let page = self.store.sessions().list_whole(after, PAGE)?;
         let mut ended = Vec::new();
         for session in &page.items {

@@ -11,12 +11,11 @@ use palpate_dissertation::sva::train::SvaTrainError;
 use palpate_sim::mesh::MeshError;
 use palpate_sim::rig::PlanarError;
 use palpate_sim::sampler::SampleError;
-use palpate_store::error::StoreError;
 use thiserror::Error;
 
-use crate::known_sensors::UnknownSensor;
+use crate::cause::Cause;
 use crate::model::NoPart;
-use crate::refusal::Refusal;
+use crate::services::catalogues::error::CatalogueError;
 
 /// Error of a training.
 #[derive(Debug, Error)]
@@ -25,8 +24,6 @@ pub(crate) enum TrainingFailure {
     Stopped,
     #[error(transparent)]
     NoPart(#[from] NoPart),
-    #[error(transparent)]
-    UnknownSensor(#[from] UnknownSensor),
     #[error("object {object:?} has no data: upload a mesh or readings")]
     NoData { object: String },
     #[error("object {object:?} has readings of several sensors, expected one")]
@@ -86,9 +83,15 @@ pub(crate) enum TrainingFailure {
     #[error(transparent)]
     Maps(#[from] GeometricTrainError),
     #[error(transparent)]
-    Store(#[from] StoreError),
+    Catalogue(#[from] CatalogueError),
     #[error(transparent)]
-    Refused(#[from] Refusal),
+    Cause(Cause),
+}
+
+impl<E: Into<Cause>> From<E> for TrainingFailure {
+    fn from(error: E) -> Self {
+        Self::Cause(error.into())
+    }
 }
 
 impl TrainingFailure {
@@ -114,14 +117,13 @@ impl TrainingFailure {
             | Self::Appearance { object, .. } => Some(object),
             Self::Stopped
             | Self::NoPart(_)
-            | Self::UnknownSensor(_)
             | Self::NothingLeft { .. }
             | Self::AppearanceVocabulary(_)
             | Self::Vocabulary(_)
             | Self::Space(_)
             | Self::Maps(_)
-            | Self::Store(_)
-            | Self::Refused(_) => None,
+            | Self::Catalogue(_)
+            | Self::Cause(_) => None,
         }
     }
 }
