@@ -8,7 +8,7 @@ use palpate_schemas::{Job, JobPage, PageQuery};
 use crate::app::App;
 use crate::extract::{Params, Segment1};
 use crate::refusal::Refusal;
-use crate::routes::documented::Conflict;
+use crate::routes::documented::{Conflict, Deleted};
 
 /// List the jobs
 #[utoipa::path(get, path = "/v1/jobs", operation_id = "list_jobs", tag = "jobs",
@@ -38,7 +38,7 @@ pub(crate) async fn get_job(
 /// or running.
 #[utoipa::path(delete, path = "/v1/jobs/{job}", operation_id = "delete_job", tag = "jobs",
     params(("job" = String, Path, description = "The job's id")),
-    responses((status = 204, description = "Deleted"), Conflict))]
+    responses(Deleted, Conflict))]
 pub(crate) async fn delete_job(
     State(app): State<App>,
     Segment1(job): Segment1,

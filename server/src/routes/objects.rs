@@ -13,7 +13,7 @@ use crate::app::App;
 use crate::extract::{JsonBody, MeshBody, Params, ReadingsBody, Segment1};
 use crate::refusal::Refusal;
 use crate::routes::blocks;
-use crate::routes::documented::{Conflict, MeshFile};
+use crate::routes::documented::{Conflict, Deleted, MeshFile};
 
 /// List the objects
 #[utoipa::path(get, path = "/v1/objects", operation_id = "list_objects", tag = "objects",
@@ -71,7 +71,7 @@ pub(crate) async fn update_object(
 #[utoipa::path(delete, path = "/v1/objects/{object}", operation_id = "delete_object",
     tag = "objects",
     params(("object" = String, Path, description = "The object's id or name")),
-    responses((status = 204, description = "Deleted"), Conflict))]
+    responses(Deleted, Conflict))]
 pub(crate) async fn delete_object(
     State(app): State<App>,
     Segment1(object): Segment1,

@@ -9,7 +9,7 @@ use palpate_schemas::{CreateSensor, PageQuery, Reading, ReadingCheck, Sensor, Se
 use crate::app::App;
 use crate::extract::{JsonBody, Params, Segment1};
 use crate::refusal::Refusal;
-use crate::routes::documented::Conflict;
+use crate::routes::documented::{Conflict, Deleted};
 
 /// List the sensors
 #[utoipa::path(get, path = "/v1/sensors", operation_id = "list_sensors", tag = "sensors",
@@ -58,7 +58,7 @@ pub(crate) async fn get_sensor(
 #[utoipa::path(delete, path = "/v1/sensors/{sensor}", operation_id = "delete_sensor",
     tag = "sensors",
     params(("sensor" = String, Path, description = "The sensor's id or name")),
-    responses((status = 204, description = "Deleted"), Conflict))]
+    responses(Deleted, Conflict))]
 pub(crate) async fn delete_sensor(
     State(app): State<App>,
     Segment1(sensor): Segment1,

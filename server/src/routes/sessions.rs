@@ -9,11 +9,12 @@ use palpate_schemas::{
     Marginals, MarginalsQuery, NextTouches, ReadingsAdded, ReadingsQuery, Session, SessionPage,
     SessionsQuery,
 };
+use serde::Serialize;
 
 use crate::app::App;
 use crate::extract::{JsonBody, OptionalBody, Params, ReadingsBody, Segment1, revision};
 use crate::refusal::Refusal;
-use crate::routes::documented::{Conflict, Ended};
+use crate::routes::documented::{Conflict, Deleted, Ended, Unchanged};
 
 /// List the sessions
 #[utoipa::path(get, path = "/v1/sessions", operation_id = "list_sessions", tag = "sessions",
@@ -57,7 +58,7 @@ pub(crate) async fn get_session(
 /// Delete a session with its readings
 #[utoipa::path(delete, path = "/v1/sessions/{session}", operation_id = "delete_session",
     tag = "sessions", params(("session" = String, Path, description = "The session's id")),
-    responses((status = 204, description = "Deleted")))]
+    responses(Deleted))]
 pub(crate) async fn delete_session(
     State(app): State<App>,
     Segment1(session): Segment1,
@@ -138,7 +139,7 @@ pub(crate) async fn add_readings(
     params(("session" = String, Path, description = "The session's id"), BeliefQuery),
     responses((status = 200, description = "The belief", body = Belief,
             headers(("etag" = String, description = "The revision"))),
-        (status = 304, description = "Not modified: the client has the newest belief")))]
+        Unchanged))]
 pub(crate) async fn get_belief(
     State(app): State<App>,
     Segment1(session): Segment1,
@@ -146,11 +147,8 @@ pub(crate) async fn get_belief(
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
     let known = revision(&headers, &header::IF_NONE_MATCH);
-    let Some(belief) = app.sessions().belief(&session, query, known).await? else {
-        return Ok(StatusCode::NOT_MODIFIED.into_response());
-    };
-    let etag = [(header::ETAG, format!("\"{}\"", belief.revision))];
-    Ok((etag, Json(belief)).into_response())
+    let belief = app.sessions().belief(&session, query, known).await?;
+    Ok(conditional(belief.map(|belief| (belief.revision, belief))))
 }
 
 /// Get the marginals of a session's pose
@@ -164,7 +162,7 @@ pub(crate) async fn get_belief(
     params(("session" = String, Path, description = "The session's id"), MarginalsQuery),
     responses((status = 200, description = "The marginals", body = Marginals,
             headers(("etag" = String, description = "The revision"))),
-        (status = 304, description = "Not modified: the client has the newest belief"),
+        Unchanged,
         Conflict))]
 pub(crate) async fn get_marginals(
     State(app): State<App>,
@@ -173,11 +171,17 @@ pub(crate) async fn get_marginals(
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
     let known = revision(&headers, &header::IF_NONE_MATCH);
-    let Some(marginals) = app.sessions().marginals(&session, query, known).await? else {
-        return Ok(StatusCode::NOT_MODIFIED.into_response());
+    let marginals = app.sessions().marginals(&session, query, known).await?;
+    Ok(conditional(marginals.map(|marginals| (marginals.revision, marginals))))
+}
+
+/// An answer with its revision as `ETag`, or 304 if the client has it.
+fn conditional<T: Serialize>(answer: Option<(u32, T)>) -> Response {
+    let Some((revision, answer)) = answer else {
+        return StatusCode::NOT_MODIFIED.into_response();
     };
-    let etag = [(header::ETAG, format!("\"{}\"", marginals.revision))];
-    Ok((etag, Json(marginals)).into_response())
+    let etag = [(header::ETAG, format!("\"{revision}\""))];
+    (etag, Json(answer)).into_response()
 }
 
 /// Rank the next touches

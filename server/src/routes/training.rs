@@ -12,7 +12,7 @@ use palpate_schemas::{
 use crate::app::App;
 use crate::extract::{JsonBody, Params, Segment1, Segment2, Segment3, if_match};
 use crate::refusal::Refusal;
-use crate::routes::documented::Conflict;
+use crate::routes::documented::{Conflict, Deleted};
 use crate::services::catalogues::error::CatalogueError;
 use crate::wire;
 
@@ -65,7 +65,7 @@ pub(crate) async fn start_training(
 /// trains the catalogue.
 #[utoipa::path(delete, path = "/v1/catalogues/{name}", operation_id = "delete_catalogue",
     tag = "training", params(("name" = String, Path, description = "The catalogue's name")),
-    responses((status = 204, description = "Deleted"), Conflict))]
+    responses(Deleted, Conflict))]
 pub(crate) async fn delete_catalogue(
     State(app): State<App>,
     Segment1(name): Segment1,
@@ -109,7 +109,7 @@ pub(crate) async fn get_version(
     operation_id = "delete_version", tag = "training",
     params(("name" = String, Path, description = "The catalogue's name"),
         ("version" = u32, Path, description = "The version's number")),
-    responses((status = 204, description = "Deleted"), Conflict))]
+    responses(Deleted, Conflict))]
 pub(crate) async fn delete_version(
     State(app): State<App>,
     Segment2(name, version): Segment2,
