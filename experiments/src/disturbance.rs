@@ -29,7 +29,7 @@ pub enum Disturbance {
         robots: usize,
         /// Standard deviations of the bases' errors.
         base: Looseness,
-        /// Whether the session is told these deviations.
+        /// Whether each reading states the deviations of its base.
         is_told: bool,
     },
     /// The object moves once.
@@ -38,7 +38,7 @@ pub enum Disturbance {
         by: Perturbation,
         /// Readings before it moves.
         after: usize,
-        /// Whether the session is told that the object may have moved, and how far.
+        /// Whether the first reading after the motion announces it, with its range.
         is_told: bool,
     },
 }

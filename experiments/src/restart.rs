@@ -2,8 +2,8 @@
 //!
 //! Sessions of the default method are filled over REST with touches of the built-in objects, and
 //! their beliefs are noted. Then the server is started again on the same folder, and several
-//! clients request all beliefs, each of which must be the same to the last bit. Client and
-//! server share the machine.
+//! clients request all beliefs, which must equal the noted ones bit for bit. Client and server
+//! share the machine.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -3,9 +3,9 @@
 //! Taxel noise (section 4.4.2.7: in training and in tests), errors of the arm's pose, an object
 //! that moves between touches (section 4.4.2.4), sensors other than in training, and training
 //! from ideal presses of the CAD model with tests on the shifted simulator of section 4.4.4.3:
-//! squared response, gains, noise and steps of another array. The recogniser is told the
-//! sensor's taxels and no disturbance; conditions that end in `_told` tell it the range of the
-//! object's motion, the time of a motion, or the errors of the bases. In the same run the
+//! squared response, gains, noise and steps of another array. The recogniser knows the
+//! sensor's taxels and no disturbance; in conditions that end in `_told` it also knows the range
+//! of the object's motion, the time of a motion, or the errors of the bases. In the same run the
 //! printed method (`literal`) plays a few shorter sessions of each condition.
 
 mod conditions;

@@ -34,7 +34,7 @@ const SAME_FACING: f64 = 0.85;
 /// Maximum number of pairs of touches of one place from which the space is learnt.
 const PLACES_MAX: usize = 6_000;
 
-/// Minimum number of such pairs; with fewer, the tolerance for one place grows.
+/// Minimum number of such pairs; with fewer, the space allows larger differences within a place.
 const PLACES_MIN: usize = 40;
 
 /// Number of features of touches anywhere that the space keeps.

@@ -6,9 +6,9 @@
 //! any load a robot waits only for other robots, and on an idle machine long work is as fast.
 //! Parts of one piece of work (`rayon` in core) run on the same threads, never on a pool of the
 //! whole process. Each thread has one that waits for it, so that no more pieces are started than
-//! threads compute. Async threads only wait. A computation needs a [`Place`] first, before
-//! anything is stored; without one the robot is asked to retry. Work is not started if its asker
-//! has gone (`asker`). A panic in one piece ends that piece only.
+//! threads compute. Async threads only wait. A computation takes a [`Place`] before
+//! anything is stored; if there is none, the request gets 503 and can be repeated. Work whose
+//! asker has gone (`asker`) is not started. A panic in one piece ends that piece only.
 
 mod queue;
 

@@ -92,6 +92,7 @@ fn a_users_mesh_is_trained_and_recognised_after_a_restart() {
     let trained = ask(&server, train);
     let answer: serde_json::Value = serde_json::from_slice(&trained.stdout).unwrap();
     assert_eq!(answer["version"]["report"]["objects"].as_array().unwrap().len(), 3);
+    an_ended_job_is_removed(|arguments| ask(&server, arguments));
     let touch = "touch --object hammer --mesh meshes/hammer.stl --readings 10 --seed 7 --json";
     let touched = ask(&server, touch);
     assert_eq!(touched.status.code(), Some(0), "{}", stderr(&touched));
@@ -132,6 +133,19 @@ fn a_users_mesh_is_trained_and_recognised_after_a_restart() {
     let second = palpate("serve --listen 127.0.0.1:0").arg("--data").arg(&data).output().unwrap();
     assert_eq!(second.status.code(), Some(1));
     assert!(stderr(&second).contains("in use by another process"), "{}", stderr(&second));
+}
+
+/// Removing an ended job keeps the version it created, which later commands use.
+fn an_ended_job_is_removed(ask: impl Fn(&str) -> Output) {
+    let jobs = || -> serde_json::Value {
+        serde_json::from_slice(&ask("jobs list --json").stdout).unwrap()
+    };
+    let listed = jobs();
+    let id = listed["items"][0]["id"].as_str().unwrap();
+    let removed = ask(&format!("jobs remove {id}"));
+    assert_eq!(removed.status.code(), Some(0), "{}", stderr(&removed));
+    assert_eq!(jobs()["items"], serde_json::json!([]));
+    assert_eq!(ask(&format!("jobs remove {id}")).status.code(), Some(1));
 }
 
 /// A refused mesh leaves no object, and the error of a name in use names the command that

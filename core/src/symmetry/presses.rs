@@ -43,8 +43,8 @@ const FEATURE: f64 = 0.75;
 /// Largest share of the surface on which a feature may have been missed.
 const MISSED_MAX: f64 = 0.02;
 
-/// The neighbour k for estimating the density of touches: within its distance lie k touches,
-/// the last of which is on the rim.
+/// Rank k of the neighbour whose distance is the radius for the local density of touches: a disc
+/// of this radius holds k touches.
 const NEIGHBOUR: usize = 6;
 
 /// The presses of an object, by position.

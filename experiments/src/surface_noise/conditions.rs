@@ -58,7 +58,7 @@ pub struct Condition {
     pub sensing: Sensing,
     /// Disturbance between a touch and the session.
     pub disturbance: Disturbance,
-    /// Options of the recogniser: the defaults, unless it is told of the disturbance.
+    /// Options of the recogniser: the defaults, or those that describe the disturbance.
     pub options: SurfaceOptions,
 }
 

@@ -1,7 +1,7 @@
 //! The density of a touch under a pose (equation R4), fast: few patches, single precision.
 //!
-//! The density is a mean over all patches of the map, of which those near the touch contribute;
-//! a few of them represent the others (`model::near`, equation R8).
+//! The density is the mean over all patches of the map. Only patches near the touch contribute,
+//! and a few of them represent the others (`model::near`, equation R8).
 //! [`reference`](super::reference) is the same without look-up. Scores are ln.
 
 use glam::{Vec2, Vec3};
