@@ -22,7 +22,7 @@ use crate::cause::Cause;
 use crate::compute::ComputeError;
 use crate::known_sensors::UnknownSensor;
 use crate::limits::{Bound, retry_after};
-use crate::live::error::LiveError;
+use crate::live::LiveError;
 use crate::refusal::Refusal;
 use crate::refusal::access::AccessError;
 use crate::refusal::load::LoadError;
@@ -32,7 +32,7 @@ use crate::services::catalogues::error::CatalogueError;
 use crate::services::jobs::error::JobError;
 use crate::services::keys::error::{KeyError, KeyFault};
 use crate::services::objects::error::ObjectError;
-use crate::services::sessions::error::SessionError;
+use crate::services::sessions::SessionError;
 use crate::wire::Invalid;
 use crate::wire::object::FormatError;
 

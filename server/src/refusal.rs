@@ -13,7 +13,7 @@ use crate::services::catalogues::error::CatalogueError;
 use crate::services::jobs::error::JobError;
 use crate::services::keys::error::KeyError;
 use crate::services::objects::error::ObjectError;
-use crate::services::sessions::error::SessionError;
+use crate::services::sessions::SessionError;
 use access::AccessError;
 use load::LoadError;
 use request::RequestError;

@@ -1,6 +1,12 @@
-//! Folding of a session's readings into its belief, on a thread of the compute pool.
+//! Folding of a session's readings into its belief, on a thread of the compute pool, and the
+//! beliefs kept in memory: the newest, and a few earlier ones to return to.
 //!
-//! The journal holds the readings, the chronicle their folding order.
+//! The journal holds the readings, the chronicle their folding order. A belief includes the
+//! first `n` presses of the order. A late reading or a retraction drops the beliefs that
+//! include more than the unchanged part before it; the next fold starts from the newest one
+//! left. Earlier beliefs are kept at growing distances, so that returning by `k` readings folds
+//! a multiple of `k` again, not all of them. Copies equal their originals, so the start of a
+//! fold changes no bit.
 
 use std::sync::Arc;
 
@@ -8,10 +14,9 @@ use palpate_dissertation::geometric::GeometricError;
 use palpate_schemas::Method;
 use palpate_store::entity::Session;
 
+use super::LiveError;
 use super::belief::{BeliefError, SessionBelief};
 use super::checkpoints::{Checkpoint, Checkpoints};
-use super::error::LiveError;
-use super::memory::{Fold, Memory, Start};
 use super::order::{Chronicle, Touch, begins_with, stored_order};
 use super::readings::{ENTRIES_PER_READ, Readings, Ready};
 use crate::asker::Asker;
@@ -19,8 +24,15 @@ use crate::cause::Cause;
 use crate::compute::ComputeError;
 use crate::model::Model;
 
+/// Number of folded readings after which a belief is stored, or stored again.
+const READINGS_PER_CHECKPOINT: usize = 16;
+/// Maximum number of earlier beliefs kept.
+const CHECKPOINTS_MAX: usize = 4;
+/// Minimum number of readings between two kept beliefs.
+const STRIDE: usize = 4;
+
 /// Everything that folding needs on a thread of the pool.
-pub(crate) struct Folding {
+pub(super) struct Folding {
     pub(super) session: Session,
     pub(super) model: Arc<Model>,
     pub(super) readings: Readings,
@@ -29,8 +41,85 @@ pub(crate) struct Folding {
     pub(super) asker: Asker,
 }
 
-/// Number of folded readings after which a belief is stored, or stored again.
-const READINGS_PER_CHECKPOINT: usize = 16;
+/// A belief and the number of presses it includes.
+#[derive(Clone)]
+pub(super) struct Fold {
+    pub(super) belief: SessionBelief,
+    pub(super) n: usize,
+}
+
+/// The folding order of presses, and a belief on the way, if any.
+pub(super) type Start = (Vec<Touch>, Option<Fold>);
+
+/// Memory of a session.
+#[derive(Default)]
+pub(super) struct Memory {
+    pub(super) chronicle: Chronicle,
+    newest: Option<Fold>,
+    /// Ascending.
+    checkpoints: Vec<Fold>,
+    /// Number of readings in the stored checkpoint.
+    stored: usize,
+}
+
+impl Memory {
+    /// Bytes of everything kept.
+    pub(super) fn bytes(&self) -> usize {
+        let folds = self.checkpoints.iter().chain(&self.newest);
+        self.chronicle.bytes() + folds.map(|fold| fold.belief.bytes()).sum::<usize>()
+    }
+
+    /// Updates the order to the entries taken, and drops beliefs that it invalidates; the
+    /// number of presses at the start of the order that are unchanged.
+    pub(super) fn settle(&mut self) -> usize {
+        let stays = self.chronicle.settle();
+        self.newest = self.newest.take().filter(|fold| fold.n <= stays);
+        self.checkpoints.retain(|fold| fold.n <= stays);
+        self.stored = self.stored.min(stays);
+        stays
+    }
+
+    /// The belief to continue from, taken out; `None` starts from nothing.
+    fn begin(&mut self) -> Option<Fold> {
+        self.newest.take().or_else(|| self.checkpoints.last().cloned())
+    }
+
+    /// The newest belief, if it includes `more` readings more than the stored one; it counts
+    /// as stored from now on.
+    fn unstored(&mut self, more: usize) -> Option<&Fold> {
+        let newest = self.newest.as_ref().filter(|fold| fold.n >= self.stored + more)?;
+        self.stored = newest.n;
+        Some(newest)
+    }
+
+    /// Keeps a copy of a belief to return to, once in every few readings.
+    fn note(&mut self, fold: &Fold, method: Method) {
+        let is_new = self.checkpoints.last().is_none_or(|last| last.n < fold.n);
+        if !fold.n.is_multiple_of(STRIDE) || !is_new || !is_light(method) {
+            return;
+        }
+        self.checkpoints.push(fold.clone());
+        if self.checkpoints.len() > CHECKPOINTS_MAX {
+            let at: Vec<usize> = self.checkpoints.iter().map(|fold| fold.n).collect();
+            self.checkpoints.remove(least_missed(&at));
+        }
+    }
+
+    /// The order of a revision's presses, and a copy of the newest belief on the way to it;
+    /// `None` when the revision is not in memory.
+    pub(super) fn start(&self, revision: u64) -> Option<Start> {
+        let length = revision as usize;
+        if self.chronicle.len() < length {
+            return None;
+        }
+        let order = self.chronicle.order_at(length);
+        let both = order.iter().zip(self.chronicle.order());
+        let common = both.take_while(|(then, now)| then == now).count();
+        let known = self.checkpoints.iter().chain(&self.newest);
+        let begin = known.filter(|fold| fold.n <= common).max_by_key(|fold| fold.n).cloned();
+        Some((order, begin))
+    }
+}
 
 impl Folding {
     /// Updates the memory to the journal's first `length` entries.
@@ -46,7 +135,7 @@ impl Folding {
             Some(fold) => fold,
             None => match self.resumed(&order)? {
                 Some(fold) => {
-                    memory.is_stored(fold.n);
+                    memory.stored = fold.n;
                     fold
                 }
                 None => self.nothing()?,
@@ -55,11 +144,12 @@ impl Folding {
         let folded = self.fold_on(&mut fold, &order, |fold| memory.note(fold, self.method));
         if matches!(folded, Ok(()) | Err(LiveError::Cause(Cause::Compute(ComputeError::Stopped)))) {
             // The next fold continues from its end.
-            memory.keep(fold);
+            memory.newest = Some(fold);
         }
         folded?;
         self.store(memory, READINGS_PER_CHECKPOINT);
-        Ok(memory.newest().ok_or_else(|| self.readings.gone())?)
+        let newest = memory.newest.as_ref().ok_or_else(|| self.readings.gone())?;
+        Ok(&newest.belief)
     }
 
     /// Stores the newest belief if it includes `more` readings more than the stored one.
@@ -96,7 +186,7 @@ impl Folding {
     }
 
     /// The belief after the journal's first `length` entries, folded from `start` if given,
-    /// else from nothing. `None` when the journal has fewer entries.
+    /// else from nothing.
     pub(super) fn past(
         &self,
         length: usize,
@@ -106,10 +196,7 @@ impl Folding {
             Some(start) => start,
             None => (self.chronicle(length)?.order().to_vec(), None),
         };
-        let mut fold = match begin {
-            Some(fold) => fold,
-            None => self.nothing()?,
-        };
+        let mut fold = begin.map_or_else(|| self.nothing(), Ok)?;
         self.fold_on(&mut fold, &order, |_| {})?;
         Ok(fold.belief)
     }
@@ -136,7 +223,7 @@ impl Folding {
     }
 
     /// Folds the missing presses of `order`; `each` receives the belief after each.
-    pub(super) fn fold_on(
+    fn fold_on(
         &self,
         fold: &mut Fold,
         order: &[Touch],
@@ -165,13 +252,55 @@ impl Folding {
         Ok(added.map_err(|error| self.unusable(&error))?)
     }
 
-    /// log₂ ratio of a reading's density in a belief to that of a touch anywhere.
-    pub(super) fn fit_bits(belief: &SessionBelief, ready: &Ready) -> Option<f64> {
-        belief.fit_bits(&ready.reading, &ready.sensor.description)
-    }
-
     fn unusable(&self, error: &dyn std::error::Error) -> Cause {
         let id = self.session.id.to_string();
         Cause::Unusable { what: "session", id, reason: error.to_string() }
+    }
+}
+
+/// Whether a copy is cheap. The dissertation's filters hold tables of many megabytes.
+fn is_light(method: Method) -> bool {
+    match method {
+        Method::Surface
+        | Method::Sva
+        | Method::Geometric
+        | Method::Appearance
+        | Method::AppearanceLiteral => true,
+        Method::SvaLiteral | Method::GeometricHistogram | Method::GeometricParticles => false,
+    }
+}
+
+/// Index of the most dispensable of ascending positions (never the last): the gap that it
+/// leaves is the smallest relative to its distance from the end.
+fn least_missed(at: &[usize]) -> usize {
+    let end = at.last().copied().unwrap_or(0) + 1;
+    let missed = |place: usize| {
+        let before = place.checked_sub(1).map_or(0, |before| at[before]);
+        let gap = at[place + 1] - before;
+        gap as f64 / (end - at[place]) as f64
+    };
+    let places = 0..at.len().saturating_sub(1);
+    places.min_by(|a, b| missed(*a).total_cmp(&missed(*b))).unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kept_beliefs_lie_at_growing_distances() {
+        let mut at: Vec<usize> = Vec::new();
+        for n in (STRIDE..=400).step_by(STRIDE) {
+            at.push(n);
+            if at.len() > CHECKPOINTS_MAX {
+                at.remove(least_missed(&at));
+            }
+            let newest = at.last().copied();
+            assert_eq!(newest, Some(n));
+        }
+        assert_eq!(at.len(), CHECKPOINTS_MAX);
+        let ages: Vec<usize> = at.iter().map(|n| 400 - n).collect();
+        assert!(ages.windows(2).all(|pair| pair[0] >= 2 * pair[1]), "{ages:?}");
+        assert!(ages[2] <= 4 * STRIDE, "one is near: {ages:?}");
     }
 }

@@ -6,65 +6,57 @@
 //! map lives across an await. Changes of a session run in a separate task, so that a robot
 //! that hangs up does not leave them half done.
 
-pub(crate) mod error;
 mod fits;
-mod fleet;
-mod history;
 mod life;
+mod listing;
 mod open;
-mod retention;
+mod questions;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use dashmap::DashMap;
 use palpate_schemas as wire;
 use palpate_schemas::{BeliefDetail, Method, SessionEvent, SessionState};
 use palpate_store::database::Database;
-use palpate_store::entity::Session;
+use palpate_store::entity::{ReadingId, Session};
 use palpate_store::error::StoreError;
-use tokio::sync::broadcast;
+use thiserror::Error;
 use tokio::task::JoinHandle;
 use uuid::Uuid;
 
 use crate::asker;
+use crate::budget::ShareFull;
 use crate::cause::Cause;
 use crate::clock::now_ms;
 use crate::compute::Pool;
 use crate::config::Config;
 use crate::live::checkpoints::Checkpoints;
-use crate::live::error::LiveError;
-use crate::live::{Live, POSES, Tools, Total, status};
+use crate::live::{Live, LiveError, Tools, Total, status};
 use crate::model::Model;
 use crate::services::catalogues::Catalogues;
 use crate::services::catalogues::error::CatalogueError;
 use crate::services::keys::Keys;
+use crate::services::keys::error::KeyError;
 use crate::services::sensors::Sensors;
+use crate::wire::life::{OtherTruth, Status};
 use crate::wire::{self as convert};
-use error::SessionError;
-
 use open::Open;
-
-/// Maximum number of pose hypotheses in an answer.
-const POSES_MAX: u64 = 100;
 
 /// All sessions.
 pub(crate) struct Sessions {
-    store: Database,
+    tools: Arc<Tools>,
     catalogues: Arc<Catalogues>,
     sensors: Arc<Sensors>,
-    pool: Pool,
     keys: Arc<Keys>,
     live: DashMap<Uuid, Arc<Live>>,
     uses: AtomicU64,
     open: Open,
-    checkpoints: Arc<Checkpoints>,
     live_max: usize,
     /// Used and permitted memory of beliefs.
     beliefs: Total,
     belief_bytes_max: usize,
-    readings_max: usize,
     /// Default lifetime of sessions.
     time_to_live: Duration,
     answer_timeout: Duration,
@@ -79,20 +71,24 @@ impl Sessions {
         keys: Arc<Keys>,
         config: &Config,
     ) -> Self {
-        Self {
+        let tools = Tools {
             store,
+            sensors: Arc::clone(sensors.known()),
+            pool,
+            readings_max: config.session_readings_max,
+            checkpoints: Arc::new(Checkpoints::new(config.data.join("checkpoints"))),
+        };
+        Self {
+            tools: Arc::new(tools),
             catalogues,
             sensors,
-            pool,
             keys,
             live: DashMap::new(),
             uses: AtomicU64::new(0),
             open: Open::new(config.sessions_open_max),
-            checkpoints: Arc::new(Checkpoints::new(config.data.join("checkpoints"))),
             live_max: config.beliefs_in_memory_max.max(1),
             beliefs: Total::default(),
             belief_bytes_max: config.belief_memory_bytes_max,
-            readings_max: config.session_readings_max,
             time_to_live: config.session_time_to_live,
             answer_timeout: config.answer_timeout,
         }
@@ -100,7 +96,7 @@ impl Sessions {
 
     /// Stores readings, all or none, and returns the belief after them.
     pub(crate) async fn add(
-        self: &Arc<Self>,
+        &self,
         id: &str,
         request: &wire::AddReadings,
         detail: BeliefDetail,
@@ -115,11 +111,10 @@ impl Sessions {
         let ids = readings.iter().enumerate();
         let ids = ids.filter_map(|(place, reading)| Some((place, reading.id.as_ref()?)));
         self.keys.claim_robots(asker::Asker::current().key(), ids).await?;
-        let sessions = Arc::clone(self);
         let is_followed = live.is_followed();
         let adding = async move {
             let _using = using;
-            live.add(&sessions.tools(), readings, detail).await
+            live.add(readings, detail).await
         };
         // Followers of the session wait for its belief as well.
         let adding = match is_followed {
@@ -129,66 +124,52 @@ impl Sessions {
         finished(adding).await
     }
 
-    /// The present belief or that after some readings; `None` when it is that of `known_revision`.
-    pub(crate) async fn belief(
-        self: &Arc<Self>,
+    /// Withdraws the reading with a number within the session.
+    pub(crate) async fn retract(
+        &self,
         id: &str,
-        query: wire::BeliefQuery,
-        known_revision: Option<u64>,
-    ) -> Result<Option<wire::Belief>, SessionError> {
-        let poses = poses(query.poses)?;
-        let live = self.live(self.parse(id)?).await?;
-        match query.at {
-            Some(at) => {
-                Ok(live.belief_at(&self.tools(), poses, u64::from(at), known_revision).await?)
-            }
-            None => self.belief_of(live, poses, known_revision).await,
+        number: &str,
+        detail: BeliefDetail,
+    ) -> Result<wire::ReadingRetracted, SessionError> {
+        let session = self.find(id)?.id;
+        self.retract_number(session, number.parse().map_err(|_| no_reading(number))?, detail).await
+    }
+
+    /// Withdraws the reading with a robot's number.
+    pub(crate) async fn retract_of_robot(
+        &self,
+        id: &str,
+        robot: &str,
+        seq: &str,
+        detail: BeliefDetail,
+    ) -> Result<wire::ReadingRetracted, SessionError> {
+        let session = self.find(id)?.id;
+        let unknown = || no_reading(&format!("{robot}/{seq}"));
+        let seq = seq.parse().map_err(|_| unknown())?;
+        let reading_id = ReadingId { robot: robot.to_owned(), seq };
+        let number = self.number(session, &reading_id)?.ok_or_else(unknown)?;
+        self.retract_number(session, number, detail).await
+    }
+
+    /// The entry with a robot's number: of the caller's own key, else of the key that owns
+    /// the robot's name.
+    fn number(&self, session: Uuid, id: &ReadingId) -> Result<Option<u64>, StoreError> {
+        let journal = self.tools.store.journal();
+        let own = journal.find(session, id, asker::Asker::current().key())?;
+        if own.is_some() {
+            return Ok(own);
         }
+        journal.find(session, id, self.keys.holder(&id.robot))
     }
 
-    /// The present marginals of an object's pose; `None` when they are those of `known_revision`.
-    pub(crate) async fn marginals(
-        self: &Arc<Self>,
-        id: &str,
-        query: wire::MarginalsQuery,
-        known_revision: Option<u64>,
-    ) -> Result<Option<wire::Marginals>, SessionError> {
-        let live = self.live(self.parse(id)?).await?;
-        let sessions = Arc::clone(self);
-        let asking = asker::spawn(async move {
-            let object = query.object.as_deref();
-            live.marginals(&sessions.tools(), object, known_revision).await
-        });
-        finished(asking).await
-    }
-
-    /// The best next touches by the present belief.
-    pub(crate) async fn next_touches(
-        self: &Arc<Self>,
-        id: &str,
-        asked: &wire::AskNextTouches,
-    ) -> Result<wire::NextTouches, SessionError> {
-        let begun = Instant::now();
-        let live = self.live(self.parse(id)?).await?;
-        let sensor = self.sensors.known().find(&asked.sensor)?;
-        let question = convert::next_touch::question(asked, sensor.as_deref())?;
-        let sessions = Arc::clone(self);
-        let asking =
-            asker::spawn(
-                async move { live.next_touches(&sessions.tools(), question, begun).await },
-            );
-        finished(asking).await
-    }
-
-    /// Later events of a session, and its present belief.
-    pub(crate) async fn follow(
-        self: &Arc<Self>,
-        id: Uuid,
-        known_revision: Option<u64>,
-    ) -> Result<(Option<wire::Belief>, broadcast::Receiver<SessionEvent>), SessionError> {
-        let live = self.live(id).await?;
-        let events = live.subscribe();
-        Ok((self.belief_of(live, POSES, known_revision).await?, events))
+    async fn retract_number(
+        &self,
+        session: Uuid,
+        number: u64,
+        detail: BeliefDetail,
+    ) -> Result<wire::ReadingRetracted, SessionError> {
+        let live = self.live(session).await?;
+        finished(asker::spawn(async move { live.retract(number, detail).await })).await
     }
 
     /// The id of a session in a path.
@@ -212,44 +193,23 @@ impl Sessions {
         self.live.len()
     }
 
-    async fn belief_of(
-        self: &Arc<Self>,
-        live: Arc<Live>,
-        poses: usize,
-        known_revision: Option<u64>,
-    ) -> Result<Option<wire::Belief>, SessionError> {
-        let sessions = Arc::clone(self);
-        let asking =
-            asker::spawn(
-                async move { live.belief(&sessions.tools(), poses, known_revision).await },
-            );
-        finished(asking).await
-    }
-
-    fn tools(&self) -> Tools<'_> {
-        Tools {
-            store: &self.store,
-            sensors: self.sensors.known(),
-            pool: &self.pool,
-            readings_max: self.readings_max,
-            checkpoints: &self.checkpoints,
-        }
-    }
-
     /// Stores the beliefs in memory, so that the next start need not fold them again. Blocks.
     pub(crate) fn store_beliefs(&self) {
         for live in &self.live {
-            live.store(&self.tools());
+            live.store();
         }
     }
 
     fn find(&self, id: &str) -> Result<Session, Cause> {
-        let found = self.store.sessions().find(self.parse(id)?)?;
+        let found = self.tools.store.sessions().find(self.parse(id)?)?;
         found.ok_or_else(|| Cause::NotFound { what: "session", reference: id.to_owned() })
     }
 
     fn show(&self, session: &Session) -> Result<wire::Session, StoreError> {
-        let status = status(&self.store, session, now_ms())?;
+        self.show_as(session, status(&self.tools.store, session, now_ms())?)
+    }
+
+    fn show_as(&self, session: &Session, status: Status) -> Result<wire::Session, StoreError> {
         let catalogue = self.catalogues.name(session.catalogue)?;
         Ok(convert::session::session(session, &catalogue, status, |key| self.keys.writer(key)))
     }
@@ -262,12 +222,10 @@ impl Sessions {
             self.make_room(live.bytes_missing())?;
             return Ok(live);
         }
-        let found = self.store.sessions().find(id)?;
-        let session =
-            found.ok_or_else(|| Cause::NotFound { what: "session", reference: id.to_string() })?;
+        let session = self.find(&id.to_string())?;
         let method = convert::session::options(&session).method;
         let model = self.model(session.catalogue, session.version, method).await?;
-        let live = self.keep(id, Arc::new(Live::new(session, model, &self.beliefs)));
+        let live = self.keep(id, Arc::new(Live::new(&self.tools, session, model, &self.beliefs)));
         self.make_room(live.bytes_missing())?;
         Ok(live)
     }
@@ -335,6 +293,34 @@ impl Sessions {
     }
 }
 
+/// Error of sessions.
+#[derive(Debug, Error)]
+pub(crate) enum SessionError {
+    #[error(
+        "{max} sessions are open, which is the maximum: close finished ones, or let them expire \
+         (`ttl_s`)"
+    )]
+    Full { max: usize, wait: Option<Duration> },
+    #[error(transparent)]
+    ShareFull(#[from] ShareFull),
+    #[error(transparent)]
+    OtherTruth(#[from] OtherTruth),
+    #[error(transparent)]
+    Live(#[from] LiveError),
+    #[error(transparent)]
+    Catalogue(#[from] CatalogueError),
+    #[error(transparent)]
+    Key(#[from] KeyError),
+    #[error(transparent)]
+    Cause(Cause),
+}
+
+impl<E: Into<Cause>> From<E> for SessionError {
+    fn from(error: E) -> Self {
+        Self::Cause(error.into())
+    }
+}
+
 /// The outcome of a task that goes on when its caller leaves.
 async fn finished<T, E>(task: JoinHandle<Result<T, E>>) -> Result<T, SessionError>
 where
@@ -348,10 +334,8 @@ fn is_idle(live: &Arc<Live>) -> bool {
     Arc::strong_count(live) == 1 && !live.is_followed()
 }
 
-/// Maximum number of poses of an answer.
-fn poses(asked: Option<u32>) -> Result<usize, Cause> {
-    let asked = asked.map_or(POSES as u64, u64::from);
-    Ok(convert::within("?poses", asked, 0, POSES_MAX)? as usize)
+fn no_reading(reference: &str) -> Cause {
+    Cause::NotFound { what: "reading", reference: reference.to_owned() }
 }
 
 /// Whether an event ends a stream of one session.

@@ -7,7 +7,7 @@ use palpate_dissertation::geometric::{BeliefMemory, GeometricError};
 use palpate_schemas::{Method, PosePrior};
 use palpate_store::entity::Session;
 
-use super::error::SessionError;
+use super::SessionError;
 use crate::cause::Cause;
 use crate::limits::megabytes;
 use crate::live::belief::{BeliefError, SessionBelief};

@@ -1,47 +1,52 @@
-//! Lifetimes of sessions: start, leases, listing, closing, deletion and expiry.
+//! Lifetimes of sessions: start, leases, closing, expiry and deletion, of which that of ended
+//! sessions after a configured time limits the use of the disk.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use futures::stream::{self, StreamExt};
 use palpate_schemas as wire;
-use palpate_schemas::{SessionEvent, SessionState};
+use palpate_schemas::SessionEvent;
 use palpate_store::error::StoreError;
 use rayon::prelude::*;
 use tokio::sync::watch;
 use uuid::Uuid;
 
-use super::error::SessionError;
 use super::fits::fits;
 use super::open::Full;
-use super::{Sessions, finished};
+use super::{SessionError, Sessions, finished};
 use crate::asker;
 use crate::budget::ShareFull;
 use crate::cause::Cause;
 use crate::client::Client;
 use crate::clock::now_ms;
-use crate::live::error::LiveError;
-use crate::live::{Live, status};
+use crate::live::{Live, LiveError, status};
 use crate::services::catalogues::DEFAULT;
 use crate::wire::life::{opened_by, set_lease, set_truth};
 use crate::wire::session::Limits;
-use crate::wire::{self as convert, cursor, page_id, page_length};
+use crate::wire::{self as convert};
 
 /// Interval at which expired sessions are searched.
 const SWEEP_EVERY: Duration = Duration::from_secs(1);
 /// Number of sessions per read at the start.
 const SESSIONS_PER_READ: usize = 1000;
+/// Interval at which ended sessions are deleted, unless they are kept for less.
+const FORGET_EVERY: Duration = Duration::from_secs(60);
+/// Number of ended sessions per piece, and of those deleted at once: deletions share a flush.
+const FORGET_PAGE: usize = 256;
+const FORGET_AT_ONCE: usize = 16;
 
 impl Sessions {
     /// Registers the open sessions, and removes the checkpoints of others. Blocks.
     pub(crate) fn take_stock(&self) -> Result<(), Cause> {
         let (mut after, now) = (None, now_ms());
         loop {
-            let page = self.store.sessions().list_whole(after, SESSIONS_PER_READ)?;
+            let page = self.tools.store.sessions().list_whole(after, SESSIONS_PER_READ)?;
             // For sessions that were not closed, the last reading determines whether they
             // have expired.
             let ends = page.items.par_iter().filter(|session| session.closed_at_ms.is_none());
-            let ends = ends.map(|session| Ok((session, status(&self.store, session, now)?)));
+            let ends = ends.map(|session| Ok((session, status(&self.tools.store, session, now)?)));
             for (session, status) in ends.collect::<Result<Vec<_>, StoreError>>()? {
                 if status.end.is_none() {
                     self.open.note(session.id, status.expires_at_ms, opened_by(session));
@@ -52,7 +57,7 @@ impl Sessions {
                 break;
             }
         }
-        self.checkpoints.tidy(|id| self.open.contains(id));
+        self.tools.checkpoints.tidy(|id| self.open.contains(id));
         Ok(())
     }
 
@@ -70,56 +75,17 @@ impl Sessions {
         let session =
             convert::session::new_session(request, method, &model, Uuid::now_v7(), limits)?;
         fits(&session, &model, self.belief_bytes_max)?;
-        let status = status(&self.store, &session, limits.now_ms)?;
+        let status = status(&self.tools.store, &session, limits.now_ms)?;
         self.enter(session.id, status.expires_at_ms, asker.client())?;
-        if let Err(error) = self.store.sessions().create(&session).await {
+        if let Err(error) = self.tools.store.sessions().create(&session).await {
             self.open.leave(session.id);
             return Err(error.into());
         }
         tracing::debug!(session.id = %session.id, "Created session {}", session.id);
         let shown =
             convert::session::session(&session, &model.name, status, |key| self.keys.writer(key));
-        self.keep(session.id, Arc::new(Live::new(session, model, &self.beliefs)));
+        self.keep(session.id, Arc::new(Live::new(&self.tools, session, model, &self.beliefs)));
         Ok(shown)
-    }
-
-    pub(crate) fn get(&self, id: &str) -> Result<wire::Session, Cause> {
-        let session = self.find(id)?;
-        Ok(self.show(&session)?)
-    }
-
-    pub(crate) fn list(&self, query: &wire::SessionsQuery) -> Result<wire::SessionPage, Cause> {
-        let page = wire::PageQuery { limit: query.limit, cursor: query.cursor.clone() };
-        let (mut after, limit) = (page_id(&page)?, page_length(&page)?);
-        if query.state == Some(SessionState::Open) {
-            return self.list_open(after, limit);
-        }
-        let mut items = Vec::new();
-        loop {
-            let page = self.store.sessions().list_whole(after, limit - items.len())?;
-            for session in &page.items {
-                let shown = self.show(session)?;
-                if query.state.is_none_or(|state| shown.state == state) {
-                    items.push(shown);
-                }
-            }
-            after = page.next;
-            if items.len() == limit || after.is_none() {
-                return Ok(wire::SessionPage { items, next_cursor: cursor(after) });
-            }
-        }
-    }
-
-    fn list_open(&self, after: Option<Uuid>, limit: usize) -> Result<wire::SessionPage, Cause> {
-        let (ids, more) = self.open.page(after, limit);
-        let next_cursor = cursor(ids.last().copied().filter(|_| more));
-        let mut items = Vec::with_capacity(ids.len());
-        for id in ids {
-            let Some(session) = self.store.sessions().find(id)? else { continue };
-            items.push(self.show(&session)?);
-        }
-        items.retain(|session| session.state == SessionState::Open);
-        Ok(wire::SessionPage { items, next_cursor })
     }
 
     /// Keeps a session open for a time without new readings.
@@ -130,9 +96,9 @@ impl Sessions {
     ) -> Result<wire::Session, SessionError> {
         let id = self.find(id)?.id;
         let lease = convert::life::lease(asked)?;
-        let (store, now, key) = (self.store.clone(), now_ms(), asker::Asker::current().key());
+        let (store, now, key) = (self.tools.store.clone(), now_ms(), asker::Asker::current().key());
         let until = now.saturating_add(lease.as_millis() as u64);
-        let table = self.store.sessions();
+        let table = self.tools.store.sessions();
         let extended = table.update(id, move |session| {
             if let Some(end) = status(&store, session, now)?.end {
                 return Err(LiveError::Ended { session: id, end });
@@ -158,12 +124,12 @@ impl Sessions {
         // A session is closed even if the caller has gone.
         let closing = asker::spawn_within(self.answer_timeout, async move {
             if let Some(truth) = told {
-                let truth = live.judge(&sessions.tools(), truth).await?;
+                let truth = live.judge(truth).await?;
                 sessions.note_truth(id, truth).await?;
             }
-            live.close(&sessions.store.essential()).await?;
+            live.close().await?;
             sessions.leave(id);
-            let session = sessions.show(&sessions.store.sessions().get(id)?)?;
+            let session = sessions.show(&sessions.tools.store.sessions().get(id)?)?;
             live.publish(SessionEvent::Closed { session: Box::new(session.clone()) });
             Ok::<_, SessionError>(session)
         });
@@ -174,7 +140,7 @@ impl Sessions {
     async fn note_truth(&self, id: Uuid, truth: wire::Truth) -> Result<(), SessionError> {
         let is_new = Arc::new(AtomicBool::new(false));
         let (noted, told) = (Arc::clone(&is_new), truth.clone());
-        let table = self.store.essential().sessions();
+        let table = self.tools.store.essential().sessions();
         let changed = table.update(id, move |session| {
             noted.store(set_truth(session, &told)?, Ordering::Relaxed);
             Ok::<(), SessionError>(())
@@ -195,12 +161,12 @@ impl Sessions {
         let id = self.find(id)?.id;
         match self.live.get(&id).map(|live| Arc::clone(&live)) {
             Some(live) => {
-                live.delete(&self.store.essential()).await?;
+                live.delete().await?;
                 self.live.remove(&id);
                 live.publish(SessionEvent::Deleted { session: id });
             }
             None => {
-                self.store.essential().remove_session(id).await?;
+                self.tools.store.essential().remove_session(id).await?;
             }
         }
         self.leave(id);
@@ -221,15 +187,34 @@ impl Sessions {
         }
     }
 
+    /// Deletes sessions that ended longer than `keep` ago, until the server stops.
+    pub(crate) async fn forget(
+        self: Arc<Self>,
+        keep: Duration,
+        mut stopping: watch::Receiver<bool>,
+    ) {
+        loop {
+            tokio::select! {
+                () = tokio::time::sleep(keep.min(FORGET_EVERY)) => {}
+                _ = stopping.wait_for(|stopping| *stopping) => return,
+            }
+            match self.forget_ended(keep).await {
+                Ok(0) => {}
+                Ok(n) => tracing::info!("Deleted {n} sessions that ended {keep:?} ago or earlier"),
+                Err(error) => tracing::error!("Cannot delete sessions that ended: {error}"),
+            }
+        }
+    }
+
     /// Ends the expired sessions and notifies their followers.
     fn sweep(&self) -> Result<(), Cause> {
         let now = now_ms();
         for id in self.open.due(now) {
-            let Some(session) = self.store.sessions().find(id)? else {
+            let Some(session) = self.tools.store.sessions().find(id)? else {
                 self.open.leave(id);
                 continue;
             };
-            let status = status(&self.store, &session, now)?;
+            let status = status(&self.tools.store, &session, now)?;
             if status.end.is_none() {
                 self.open.note(id, status.expires_at_ms, opened_by(&session));
                 continue;
@@ -244,10 +229,55 @@ impl Sessions {
         Ok(())
     }
 
+    /// Deletes the sessions that ended before; their number.
+    async fn forget_ended(&self, keep: Duration) -> Result<usize, SessionError> {
+        let before_ms = now_ms().saturating_sub(keep.as_millis() as u64);
+        let (mut after, mut n_deleted) = (None, 0);
+        loop {
+            let (ended, next) = self.ended(after, before_ms)?;
+            let mut deleting = stream::iter(ended)
+                .map(|id| async move { self.delete(&id.to_string()).await })
+                .buffer_unordered(FORGET_AT_ONCE);
+            while let Some(deleted) = deleting.next().await {
+                match deleted {
+                    Ok(()) => n_deleted += 1,
+                    // A client was quicker.
+                    Err(SessionError::Cause(Cause::NotFound { .. })) => {}
+                    Err(error) => return Err(error),
+                }
+            }
+            match next {
+                Some(next) => after = Some(next),
+                None => return Ok(n_deleted),
+            }
+        }
+    }
+
+    /// Sessions of one piece that had ended by then, and the start of the next piece.
+    fn ended(
+        &self,
+        after: Option<Uuid>,
+        before_ms: u64,
+    ) -> Result<(Vec<Uuid>, Option<Uuid>), StoreError> {
+        let page = self.tools.store.sessions().list_whole(after, FORGET_PAGE)?;
+        let mut ended = Vec::new();
+        for session in &page.items {
+            // Ids are in the order of creation: later ones cannot have ended by then.
+            if session.created_at_ms > before_ms {
+                return Ok((ended, None));
+            }
+            let end = status(&self.tools.store, session, now_ms())?.end;
+            if end.is_some_and(|end| end.at_ms <= before_ms) {
+                ended.push(session.id);
+            }
+        }
+        Ok((ended, page.next))
+    }
+
     /// Registers the end of a session.
     fn leave(&self, id: Uuid) {
         self.open.leave(id);
-        self.checkpoints.remove(id);
+        self.tools.checkpoints.remove(id);
     }
 
     /// Takes a slot for a new session, that of an expired one if necessary.

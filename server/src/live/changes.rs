@@ -1,0 +1,279 @@
+//! Changes of a session: adding readings, withdrawing them, closing and deletion.
+//!
+//! New readings are stored and folded; repeated ones get the first answer again. A withdrawn
+//! reading stays in the journal and no longer counts.
+
+use palpate_core::pose::Pose;
+use palpate_schemas as wire;
+use palpate_schemas::{BeliefDetail, SessionEvent};
+use palpate_store::entity::{ReadingId, StoredReading};
+use palpate_store::error::StoreError;
+use palpate_store::journal::{Event, Journal, NewEntry};
+use tracing::Instrument;
+use uuid::Uuid;
+
+use super::readings::Ready;
+use super::state::State;
+use super::{Live, LiveError, POSES, answer};
+use crate::asker::Asker;
+use crate::cause::Cause;
+use crate::clock::now_ms;
+use crate::compute::Place;
+use crate::repeats::new_readings;
+use crate::wire::belief::top;
+use crate::wire::count;
+use crate::wire::life::Status;
+use crate::wire::reading::{Incoming, pose_of, warnings};
+use crate::wire::session::options;
+
+/// Result of comparing a request's readings with the journal.
+enum Request {
+    /// All readings are known: the belief of this revision was their answer.
+    Repeat(u64),
+    /// Readings that are new, with their numbers.
+    Append(Vec<Ready>),
+}
+
+/// New readings for a journal of `length` entries.
+struct Append {
+    length: u64,
+    now: u64,
+    new: Vec<Ready>,
+    detail: BeliefDetail,
+}
+
+impl Live {
+    /// Stores readings and returns the belief after them.
+    pub(crate) async fn add(
+        &self,
+        readings: Vec<Incoming>,
+        detail: BeliefDetail,
+    ) -> Result<wire::ReadingsAdded, LiveError> {
+        let mut state = self.turns.take().await?;
+        let now = now_ms();
+        let status = self.status(now)?;
+        let (n_new, belief) = match self.request(&status, &readings)? {
+            Request::Repeat(revision) => (0, self.repeat(&mut state, revision, detail).await?),
+            Request::Append(new) => {
+                let (n_new, length) = (new.len(), status.length);
+                let append = Append { length, now, new, detail };
+                (n_new, self.append(&mut state, append).await?)
+            }
+        };
+        Ok(wire::ReadingsAdded {
+            session: self.session.id,
+            n_new: count(n_new),
+            n_repeated: count(readings.len() - n_new),
+            n_readings: count(status.n_readings + n_new as u64),
+            n_presses: belief.as_ref().map(|belief| belief.n_readings),
+            belief: in_detail(belief, detail),
+            warnings: warnings(&readings, self.first_pose()?),
+        })
+    }
+
+    /// Withdraws the reading that is entry `number` of the journal, and returns the belief
+    /// without it. A repetition changes nothing and gives the same answer.
+    pub(crate) async fn retract(
+        &self,
+        number: u64,
+        detail: BeliefDetail,
+    ) -> Result<wire::ReadingRetracted, LiveError> {
+        let mut state = self.turns.take().await?;
+        let now = now_ms();
+        let (session, journal) = (self.session.id, self.tools.store.journal());
+        let status = self.status(now)?;
+        let entry = journal.entry(session, number)?;
+        if !entry.is_some_and(|entry| matches!(entry.event, Event::Reading(_))) {
+            return Err(Cause::NotFound { what: "reading", reference: number.to_string() }.into());
+        }
+        let before = journal.retraction(session, number)?;
+        let is_new = before.is_none();
+        if let Some(end) = status.end.filter(|_| is_new) {
+            return Err(LiveError::Ended { session, end });
+        }
+        let place = self.place(detail)?;
+        if is_new {
+            let entry = event(Event::Retraction { seq: number }, now);
+            journal.append(session, status.length, &[entry]).await?;
+            tracing::info!(session.id = %session, reading.number = number,
+                "Withdrew reading {number} of session {session}");
+        }
+        let revision = before.unwrap_or(status.length) + 1;
+        let belief = match place {
+            None => None,
+            Some(place) if is_new => {
+                Some(self.renew(&mut state, Vec::new(), place, revision).await?)
+            }
+            Some(place) => {
+                let start = state.memory.start(revision);
+                Some(self.past(place, revision, POSES, start).await?)
+            }
+        };
+        Ok(wire::ReadingRetracted {
+            session,
+            number: count(number),
+            revision: count(revision),
+            n_readings: count(status.n_readings - u64::from(is_new)),
+            belief: in_detail(belief, detail),
+        })
+    }
+
+    /// Closes the session with the last entry of its journal. Closing it again changes nothing.
+    pub(crate) async fn close(&self) -> Result<(), LiveError> {
+        let _turn = self.turns.insist().await;
+        let now = now_ms();
+        let status = self.status(now)?;
+        if status.end.is_some() {
+            return Ok(());
+        }
+        let store = self.tools.store.essential();
+        let closed = event(Event::Closed, now);
+        store.journal().append(self.session.id, status.length, &[closed]).await?;
+        let table = store.sessions();
+        let noted = table.update(self.session.id, |session| {
+            session.closed_at_ms = Some(now);
+            Ok::<(), LiveError>(())
+        });
+        noted.await??;
+        Ok(())
+    }
+
+    /// Deletes the session while no other request uses it.
+    pub(crate) async fn delete(&self) -> Result<(), LiveError> {
+        let _turn = self.turns.insist().await;
+        self.tools.store.essential().remove_session(self.session.id).await?;
+        Ok(())
+    }
+
+    /// Whether the readings of a request repeat earlier ones, or which of them are new. New ones
+    /// are refused when the session has ended or is full.
+    fn request(&self, status: &Status, readings: &[Incoming]) -> Result<Request, LiveError> {
+        let (journal, key) = (self.tools.store.journal(), Asker::current().key());
+        let new = new_readings(readings, |id| Ok(stored(&journal, self.session.id, id, key)?))?;
+        if new.is_empty() {
+            return Ok(Request::Repeat(self.revision_of(&journal, readings, key)?));
+        }
+        if let Some(end) = status.end {
+            return Err(LiveError::Ended { session: self.session.id, end });
+        }
+        let (found, more, max) = (status.n_stored(), new.len(), self.tools.readings_max);
+        if found + more as u64 > max as u64 {
+            return Err(Cause::ReadingsFull { what: "session", found, more, max }.into());
+        }
+        let options = options(&self.session);
+        let numbered = (status.length..).zip(new);
+        Ok(Request::Append(
+            numbered.map(|(number, incoming)| Ready::of(number, incoming, &options)).collect(),
+        ))
+    }
+
+    /// The revision of the belief that was answered to readings which are all known.
+    fn revision_of(
+        &self,
+        journal: &Journal,
+        readings: &[Incoming],
+        key: Option<Uuid>,
+    ) -> Result<u64, StoreError> {
+        let mut revision = 0;
+        for id in readings.iter().filter_map(|reading| reading.id.as_ref()) {
+            let number = journal.find(self.session.id, id, key)?;
+            revision = revision.max(number.map_or(0, |number| number + 1));
+        }
+        Ok(revision)
+    }
+
+    /// The belief of a revision, if the answer is to contain one.
+    async fn repeat(
+        &self,
+        state: &mut State,
+        revision: u64,
+        detail: BeliefDetail,
+    ) -> Result<Option<wire::Belief>, LiveError> {
+        let remembered = state.remembered(revision);
+        if remembered.is_some() || detail == BeliefDetail::None {
+            return Ok(remembered);
+        }
+        let place = self.tools.pool.place()?;
+        Ok(Some(self.past(place, revision, POSES, state.memory.start(revision)).await?))
+    }
+
+    /// Stores new readings and folds them. The compute slot is taken first: an overloaded server
+    /// refuses instead of storing readings that it cannot answer.
+    async fn append(
+        &self,
+        state: &mut State,
+        Append { length, now, new, detail }: Append,
+    ) -> Result<Option<wire::Belief>, LiveError> {
+        let (place, key) = (self.place(detail)?, Asker::current().key());
+        let entries: Vec<NewEntry> = new.iter().map(|ready| ready.entry(now, key)).collect();
+        let (journal, n_new) = (self.tools.store.journal(), new.len());
+        let span = tracing::info_span!("append", session.id = %self.session.id, n_new);
+        journal.append(self.session.id, length, &entries).instrument(span).await?;
+        metrics::counter!("palpate_readings_total").increment(n_new as u64);
+        let Some(place) = place else { return Ok(None) };
+        Ok(Some(self.renew(state, new, place, length + n_new as u64).await?))
+    }
+
+    /// The belief after new entries of the journal, `handed` the readings among them, for their
+    /// sender and the followers.
+    async fn renew(
+        &self,
+        state: &mut State,
+        handed: Vec<Ready>,
+        place: Place,
+        length: u64,
+    ) -> Result<wire::Belief, LiveError> {
+        let answer = self.ask(state, self.folding(handed), place, length, answer(POSES)).await?;
+        let belief = self.shown(length, &answer);
+        state.remember(&belief);
+        self.count(state);
+        self.publish(SessionEvent::Belief { belief: belief.clone() });
+        Ok(belief)
+    }
+
+    /// A slot to compute. Without a belief to answer it is taken only for followers.
+    fn place(&self, detail: BeliefDetail) -> Result<Option<Place>, LiveError> {
+        match detail {
+            BeliefDetail::Full | BeliefDetail::Top => Ok(Some(self.tools.pool.place()?)),
+            BeliefDetail::None if self.is_followed() => Ok(self.tools.pool.place().ok()),
+            BeliefDetail::None => Ok(None),
+        }
+    }
+
+    /// The pose of the session's first reading, if it has one.
+    fn first_pose(&self) -> Result<Option<Pose>, LiveError> {
+        if let Some(known) = self.first_pose.get() {
+            return Ok(*known);
+        }
+        let first = self.tools.store.journal().entry(self.session.id, 0)?;
+        let Some(first) = first else { return Ok(None) };
+        Ok(*self.first_pose.get_or_init(|| pose_of(&first)))
+    }
+}
+
+/// An entry that is not a reading.
+fn event(event: Event, received_at_ms: u64) -> NewEntry {
+    NewEntry { reading_id: None, received_at_ms, event, written_by: Asker::current().key() }
+}
+
+/// The reading stored under a robot's number.
+fn stored(
+    journal: &Journal,
+    session: Uuid,
+    id: &ReadingId,
+    key: Option<Uuid>,
+) -> Result<Option<StoredReading>, StoreError> {
+    let Some(seq) = journal.find(session, id, key)? else { return Ok(None) };
+    Ok(journal.entry(session, seq)?.and_then(|entry| match entry.event {
+        Event::Reading(reading) => Some(reading),
+        Event::Retraction { .. } | Event::Closed => None,
+    }))
+}
+
+fn in_detail(belief: Option<wire::Belief>, detail: BeliefDetail) -> Option<wire::Belief> {
+    match detail {
+        BeliefDetail::Full => belief,
+        BeliefDetail::Top => belief.map(top),
+        BeliefDetail::None => None,
+    }
+}

@@ -1,0 +1,125 @@
+//! Questions about the present belief of a session: the belief itself, the marginals of a pose,
+//! the best next touches, and its comparison with the truth.
+
+use std::time::Instant;
+
+use palpate_core::object::ObjectIdx;
+use palpate_schemas as wire;
+use palpate_schemas::Method;
+
+use super::belief::{ObjectMarginals, SessionBelief};
+use super::{Live, LiveError, answer};
+use crate::asker::Asker;
+use crate::cause::Cause;
+use crate::clock::now_ms;
+use crate::wire::geometry;
+use crate::wire::next_touch::{Question, next_touches};
+use crate::wire::session::options;
+
+impl Live {
+    /// The present belief; `None` when its revision is known.
+    pub(crate) async fn belief(
+        &self,
+        poses: usize,
+        known_revision: Option<u64>,
+    ) -> Result<Option<wire::Belief>, LiveError> {
+        let present = self.present(known_revision, answer(poses)).await?;
+        Ok(present.map(|(revision, answer)| self.shown(revision, &answer)))
+    }
+
+    /// The distribution of each coordinate of an object's pose (the likeliest object's if
+    /// none is named); `None` when the revision is known.
+    pub(crate) async fn marginals(
+        &self,
+        object: Option<&str>,
+        known_revision: Option<u64>,
+    ) -> Result<Option<wire::Marginals>, LiveError> {
+        let (session, object) =
+            (self.session.id, object.map(|reference| self.object(reference)).transpose()?);
+        let ask = move |belief: &SessionBelief| belief.marginals(object);
+        let present = self.present(known_revision, ask).await?;
+        let Some((revision, found)) = present else { return Ok(None) };
+        let ObjectMarginals { object, probability, marginals } =
+            found.ok_or(LiveError::NoMarginals { session })?;
+        let object = &self.model.objects[object.0 as usize];
+        Ok(Some(geometry::marginals(session, revision, object, probability, &marginals)))
+    }
+
+    /// The best next touches. `begun` is the time of the request, from which its deadline counts.
+    pub(crate) async fn next_touches(
+        &self,
+        question: Question,
+        begun: Instant,
+    ) -> Result<wire::NextTouches, LiveError> {
+        let (session, method) = (self.session.id, options(&self.session).method);
+        if method != Method::Surface {
+            return Err(LiveError::NoNextTouches { session, method: method.name() });
+        }
+        let mut state = self.turns.take().await?;
+        let status = self.status(now_ms())?;
+        if let Some(end) = status.end {
+            return Err(LiveError::Ended { session, end });
+        }
+        let length = status.length;
+        let place = self.tools.pool.place()?;
+        let asker = Asker::current();
+        let ask = move |belief: &SessionBelief| {
+            let mut is_late = || begun.elapsed() >= question.deadline || asker.is_gone();
+            (belief.next_touches(&question, &mut is_late), question)
+        };
+        let folding = self.folding(Vec::new());
+        let (ranking, question) = self.ask(&mut state, folding, place, length, ask).await?;
+        let ranking = ranking.ok_or(LiveError::NoTouch { session })?;
+        Ok(next_touches(session, length, &ranking, &question))
+    }
+
+    /// Compares the belief with the true object; `None` is an object outside the catalogue.
+    pub(crate) async fn judge(&self, truth: Option<usize>) -> Result<wire::Truth, LiveError> {
+        let mut state = self.turns.insist().await;
+        let length = self.length()?;
+        let place = self.tools.pool.place()?;
+        let folding = self.folding(Vec::new());
+        let answer = self.ask(&mut state, folding, place, length, answer(0)).await?;
+        let probability = match truth {
+            Some(object) => answer.probabilities[object],
+            None => answer.unknown,
+        };
+        let others = answer.probabilities.iter().enumerate();
+        let others = others.filter(|(object, _)| Some(*object) != truth).map(|(_, p)| *p);
+        let unknown = truth.map(|_| answer.unknown);
+        let was_right = others.chain(unknown).all(|other| probability > other);
+        let object = truth.map(|object| &self.model.objects[object]);
+        Ok(wire::Truth {
+            object: object.map(|object| object.id),
+            name: object.map(|object| object.name.clone()),
+            probability,
+            was_right,
+        })
+    }
+
+    /// A question's answer by the present belief, and its revision; `None` when that is known.
+    async fn present<T: Send + 'static>(
+        &self,
+        known_revision: Option<u64>,
+        question: impl FnOnce(&SessionBelief) -> T + Send + 'static,
+    ) -> Result<Option<(u64, T)>, LiveError> {
+        let mut state = self.turns.take().await?;
+        let length = self.length()?;
+        if known_revision == Some(length) {
+            return Ok(None);
+        }
+        let place = self.tools.pool.place()?;
+        let folding = self.folding(Vec::new());
+        Ok(Some((length, self.ask(&mut state, folding, place, length, question).await?)))
+    }
+
+    fn object(&self, reference: &str) -> Result<ObjectIdx, LiveError> {
+        let found = self.model.find(reference).ok_or_else(|| {
+            let (name, version) = (&self.model.name, self.model.version);
+            let detail =
+                format!("version {version} of catalogue {name:?} does not know {reference:?}");
+            Cause::field("?object", detail)
+        })?;
+        Ok(ObjectIdx(found as u32))
+    }
+}
