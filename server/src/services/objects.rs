@@ -11,7 +11,7 @@ use bytes::Bytes;
 use palpate_schemas as wire;
 use palpate_sim::mesh::{Mesh, MeshFormat};
 use palpate_store::database::Database;
-use palpate_store::entity::{JobState, Object, StoredReading};
+use palpate_store::entity::{Object, StoredReading};
 use palpate_store::error::StoreError;
 use palpate_store::journal::{AppendError, Event, Limit, NewEntry};
 use palpate_store::mesh::{MeshInfo, MeshReader};
@@ -112,9 +112,7 @@ impl Objects {
     pub(crate) async fn delete(&self, reference: &str) -> Result<(), ObjectError> {
         let object = self.find(reference)?;
         for job in self.store.jobs().all()? {
-            let is_needed = matches!(job.state, JobState::Queued | JobState::Running)
-                && job.request.contains(&object.id.to_string());
-            if is_needed {
+            if !job.state.is_final() && job.request.contains(&object.id.to_string()) {
                 return Err(ObjectError::InTraining { object: object.name, job: job.id });
             }
         }

@@ -8,7 +8,7 @@ use palpate_dissertation::patch_pair::DistanceBins;
 use palpate_dissertation::sva::model::ObjectMap;
 use palpate_dissertation::sva::train::{DistanceRange, TrainingConfig};
 use palpate_schemas as wire;
-use palpate_schemas::{Descriptor, JobStage, JobState, StartTraining};
+use palpate_schemas::{Descriptor, JobState, StartTraining};
 use palpate_store::catalogue::{Catalogue, Manifest, Switch, VersionObject};
 use palpate_store::entity as stored;
 use serde::{Deserialize, Serialize};
@@ -140,7 +140,9 @@ pub(crate) fn job(job: &stored::Job) -> wire::Job {
         id: job.id,
         catalogue: job.catalogue.clone(),
         state,
-        stage: if state == JobState::Running { stage(&job.stage) } else { None },
+        stage: serde_json::from_value(job.stage.as_str().into())
+            .ok()
+            .filter(|_| state == JobState::Running),
         done: count(job.done),
         total: count(job.total),
         eta_s: None,
@@ -151,33 +153,6 @@ pub(crate) fn job(job: &stored::Job) -> wire::Job {
         started_at: job.started_at_ms.map(time),
         finished_at: job.finished_at_ms.map(time),
     }
-}
-
-/// The stored name of a stage.
-pub(crate) fn stage_name(stage: JobStage) -> &'static str {
-    match stage {
-        JobStage::Sampling => "sampling",
-        JobStage::Vocabulary => "vocabulary",
-        JobStage::Mapping => "mapping",
-        JobStage::Surface => "surface",
-        JobStage::Geometric => "geometric",
-        JobStage::Appearance => "appearance",
-        JobStage::Storing => "storing",
-    }
-}
-
-fn stage(name: &str) -> Option<JobStage> {
-    [
-        JobStage::Sampling,
-        JobStage::Vocabulary,
-        JobStage::Mapping,
-        JobStage::Surface,
-        JobStage::Geometric,
-        JobStage::Appearance,
-        JobStage::Storing,
-    ]
-    .into_iter()
-    .find(|stage| stage_name(*stage) == name)
 }
 
 /// A stored job's state in its wire form.

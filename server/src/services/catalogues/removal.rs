@@ -7,7 +7,7 @@
 
 use palpate_schemas::StartTraining;
 use palpate_store::catalogue::Catalogue;
-use palpate_store::entity::{Job, JobState, Session};
+use palpate_store::entity::{Job, Session};
 
 use super::error::CatalogueError;
 use super::{Catalogues, number};
@@ -81,16 +81,15 @@ impl Catalogues {
                 "{n} {sessions} began with it, first {first}: delete them first"
             ));
         }
-        let is_unfinished = |job: &&Job| matches!(job.state, JobState::Queued | JobState::Running);
         let jobs = self.store.jobs().list_whole(None, usize::MAX - 1)?.items;
-        let trains = |job: &&Job| job.catalogue == catalogue.name;
+        let trains = |job: &&Job| !job.state.is_final() && job.catalogue == catalogue.name;
         let extends = |job: &&Job| {
             version.is_none_or(|version| {
                 let asked = serde_json::from_str::<StartTraining>(&job.request);
                 asked.is_ok_and(|asked| asked.extend == Some(version))
             })
         };
-        match jobs.iter().filter(is_unfinished).filter(trains).find(extends) {
+        match jobs.iter().filter(trains).find(extends) {
             Some(job) => needed(format!("job {} trains with it: cancel it first", job.id)),
             None => Ok(()),
         }

@@ -53,8 +53,7 @@ impl Control {
 
     /// Whether its followers know its end.
     pub(super) fn is_over(&self) -> bool {
-        let state = self.job.borrow().state;
-        !matches!(state, wire::JobState::Queued | wire::JobState::Running)
+        self.job.borrow().state.is_final()
     }
 
     pub(super) fn is_ordered(&self, order: u8) -> bool {

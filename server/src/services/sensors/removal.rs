@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use palpate_store::database::Database;
-use palpate_store::entity::{Job, JobState, Sensor};
+use palpate_store::entity::{Job, Sensor};
 use palpate_store::journal::{Event, Journal};
 use uuid::Uuid;
 
@@ -68,10 +68,9 @@ impl Sensors {
 
 /// The user of a sensor that exists since `created_at_ms`, if any. Blocks.
 fn needs(store: &Database, sensor: Uuid, created_at_ms: u64) -> Result<Option<String>, Cause> {
-    let is_unfinished = |job: &&Job| matches!(job.state, JobState::Queued | JobState::Running);
     let jobs = store.jobs().list_whole(None, usize::MAX - 1)?.items;
-    let touches = |job: &&Job| job.request.contains(&sensor.to_string());
-    if let Some(job) = jobs.iter().filter(is_unfinished).find(touches) {
+    let touches = |job: &&Job| !job.state.is_final() && job.request.contains(&sensor.to_string());
+    if let Some(job) = jobs.iter().find(touches) {
         return Ok(Some(format!("job {} touches with it: cancel it first", job.id)));
     }
     // An object's readings are all of one sensor.
