@@ -39,6 +39,11 @@ pub(crate) enum Cause {
 }
 
 impl Cause {
+    /// Nothing of this kind has the id, name or number.
+    pub(crate) fn unknown(what: &'static str, reference: impl ToString) -> Self {
+        Self::NotFound { what, reference: reference.to_string() }
+    }
+
     /// One wrong field.
     pub(crate) fn field(pointer: impl Into<String>, detail: impl ToString) -> Self {
         Self::Invalid(Invalid::field(pointer, detail))

@@ -198,7 +198,7 @@ impl Live {
 
     fn status(&self, now: u64) -> Result<Status, LiveError> {
         let (store, id) = (&self.tools.store, self.session.id);
-        let unknown = || Cause::NotFound { what: "session", reference: id.to_string() };
+        let unknown = || Cause::unknown("session", id);
         let session = store.sessions().find(id)?.ok_or_else(unknown)?;
         Ok(status(store, &session, now)?)
     }

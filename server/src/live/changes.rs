@@ -84,7 +84,7 @@ impl Live {
         let status = self.status(now)?;
         let entry = journal.entry(session, number)?;
         if !entry.is_some_and(|entry| matches!(entry.event, Event::Reading(_))) {
-            return Err(Cause::NotFound { what: "reading", reference: number.to_string() }.into());
+            return Err(Cause::unknown("reading", number).into());
         }
         let before = journal.retraction(session, number)?;
         let is_new = before.is_none();

@@ -157,7 +157,7 @@ impl Readings {
 
     /// The error of a missing reading: the session was deleted.
     pub(super) fn gone(&self) -> Cause {
-        Cause::NotFound { what: "session", reference: self.session.to_string() }
+        Cause::unknown("session", self.session)
     }
 }
 

@@ -57,9 +57,8 @@ impl Calibrations {
             None => table.latest(sensor.id),
         };
         let number = query.number.map(|number| format!(" {number}")).unwrap_or_default();
-        let stored = found?.ok_or_else(|| Cause::NotFound {
-            what: "calibration of sensor",
-            reference: format!("{}{number}", sensor.name),
+        let stored = found?.ok_or_else(|| {
+            Cause::unknown("calibration of sensor", format!("{}{number}", sensor.name))
         })?;
         Ok(convert::calibration(&stored, &sensor.description))
     }

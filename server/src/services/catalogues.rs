@@ -92,7 +92,7 @@ impl Catalogues {
     /// The catalogue with the given name.
     pub(crate) fn find(&self, name: &str) -> Result<Catalogue, Cause> {
         let found = self.table.find_by_name(name)?;
-        found.ok_or_else(|| Cause::NotFound { what: "catalogue", reference: name.to_owned() })
+        found.ok_or_else(|| Cause::unknown("catalogue", name))
     }
 
     /// The name of the catalogue with the given id.
@@ -197,9 +197,7 @@ impl Catalogues {
         let catalogue = self.find(name)?;
         let version = self.manifest(&catalogue, number(version)?)?.version;
         let model = self.load(catalogue.id, version, part).await?;
-        let place = model
-            .find(object)
-            .ok_or_else(|| Cause::NotFound { what: "object", reference: object.to_owned() })?;
+        let place = model.find(object).ok_or_else(|| Cause::unknown("object", object))?;
         Ok((model, place))
     }
 
@@ -290,8 +288,7 @@ impl Catalogues {
 
 /// The number of a version in a path.
 fn number(version: &str) -> Result<u32, Cause> {
-    let unknown = || Cause::NotFound { what: "version", reference: version.to_owned() };
-    version.parse().map_err(|_| unknown())
+    version.parse().map_err(|_| Cause::unknown("version", version))
 }
 
 fn unknown_catalogue(name: &str) -> CatalogueError {

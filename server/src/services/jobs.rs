@@ -246,7 +246,7 @@ impl Jobs {
     }
 
     fn find(&self, id: &str) -> Result<Job, Cause> {
-        let unknown = || Cause::NotFound { what: "job", reference: id.to_owned() };
+        let unknown = || Cause::unknown("job", id);
         let uuid = Uuid::parse_str(id).map_err(|_| unknown())?;
         self.store.jobs().find(uuid)?.ok_or_else(unknown)
     }

@@ -134,7 +134,7 @@ impl Keys {
                 named.max_by_key(|key| (key.revoked_at_ms.is_none(), key.id)).cloned()
             }),
         };
-        found.ok_or_else(|| Cause::NotFound { what: "key", reference: reference.to_owned() })
+        found.ok_or_else(|| Cause::unknown("key", reference))
     }
 
     /// A key as it is now, for the wire.

@@ -54,7 +54,7 @@ impl Objects {
             Ok(id) => table.find(id)?,
             Err(_) => table.find_by_name(reference)?,
         };
-        found.ok_or_else(|| Cause::NotFound { what: "object", reference: reference.to_owned() })
+        found.ok_or_else(|| Cause::unknown("object", reference))
     }
 
     /// The object in its wire form.
@@ -149,10 +149,7 @@ impl Objects {
         let object = self.find(reference)?;
         let meshes = self.store.meshes();
         let found = self.pool.place()?.run_long(move || meshes.open(object.id)).await??;
-        let reader = found.ok_or_else(|| Cause::NotFound {
-            what: "mesh of object",
-            reference: object.name.clone(),
-        })?;
+        let reader = found.ok_or_else(|| Cause::unknown("mesh of object", object.name))?;
         Ok((read_format(reader.info().format), reader))
     }
 

@@ -132,7 +132,8 @@ impl Sessions {
         detail: BeliefDetail,
     ) -> Result<wire::ReadingRetracted, SessionError> {
         let session = self.find(id)?.id;
-        self.retract_number(session, number.parse().map_err(|_| no_reading(number))?, detail).await
+        let number = number.parse().map_err(|_| Cause::unknown("reading", number))?;
+        self.retract_number(session, number, detail).await
     }
 
     /// Withdraws the reading with a robot's number.
@@ -144,7 +145,7 @@ impl Sessions {
         detail: BeliefDetail,
     ) -> Result<wire::ReadingRetracted, SessionError> {
         let session = self.find(id)?.id;
-        let unknown = || no_reading(&format!("{robot}/{seq}"));
+        let unknown = || Cause::unknown("reading", format!("{robot}/{seq}"));
         let seq = seq.parse().map_err(|_| unknown())?;
         let reading_id = ReadingId { robot: robot.to_owned(), seq };
         let number = self.number(session, &reading_id)?.ok_or_else(unknown)?;
@@ -174,8 +175,7 @@ impl Sessions {
 
     /// The id of a session in a path.
     pub(crate) fn parse(&self, id: &str) -> Result<Uuid, Cause> {
-        let unknown = || Cause::NotFound { what: "session", reference: id.to_owned() };
-        Uuid::parse_str(id).map_err(|_| unknown())
+        Uuid::parse_str(id).map_err(|_| Cause::unknown("session", id))
     }
 
     /// Number of open sessions.
@@ -202,7 +202,7 @@ impl Sessions {
 
     fn find(&self, id: &str) -> Result<Session, Cause> {
         let found = self.tools.store.sessions().find(self.parse(id)?)?;
-        found.ok_or_else(|| Cause::NotFound { what: "session", reference: id.to_owned() })
+        found.ok_or_else(|| Cause::unknown("session", id))
     }
 
     fn show(&self, session: &Session) -> Result<wire::Session, StoreError> {
@@ -332,10 +332,6 @@ where
 /// Whether no request uses an entry and no follower has it.
 fn is_idle(live: &Arc<Live>) -> bool {
     Arc::strong_count(live) == 1 && !live.is_followed()
-}
-
-fn no_reading(reference: &str) -> Cause {
-    Cause::NotFound { what: "reading", reference: reference.to_owned() }
 }
 
 /// Whether an event ends a stream of one session.

@@ -58,7 +58,7 @@ impl Mapped {
         let map = Arc::clone(&self.map);
         let draw = move || layer_png(&map.occupancy, slice, cell_pixels);
         let png = pool.place()?.run_long(draw).await?;
-        png.ok_or_else(|| Cause::NotFound { what: "slice", reference: slice.to_string() })
+        png.ok_or_else(|| Cause::unknown("slice", slice))
     }
 
     /// The cells that are likely occupied, or the surface around them.

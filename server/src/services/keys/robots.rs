@@ -118,7 +118,7 @@ impl Keys {
     pub(crate) async fn release_robot(&self, robot: &str) -> Result<(), Cause> {
         let _changing = self.changing.lock().await;
         if !self.robots(|robots| robots.contains_key(robot)) {
-            return Err(Cause::NotFound { what: "robot", reference: robot.to_owned() });
+            return Err(Cause::unknown("robot", robot));
         }
         self.store.robots().remove(robot).await?;
         self.holders.write().unwrap_or_else(PoisonError::into_inner).remove(robot);
