@@ -16,8 +16,7 @@ use crate::budget::{Budget, Holding, Over, ShareFull};
 use crate::client::Client;
 use crate::config::Config;
 use crate::door::Connections;
-use crate::refusal::Refusal;
-use crate::refusal::load::LoadError;
+use crate::refusal::{LoadError, Refusal};
 
 /// The budgets of requests under way.
 #[derive(Debug)]

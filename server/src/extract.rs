@@ -19,8 +19,7 @@ use serde_path_to_error::Segment;
 
 use crate::app::App;
 use crate::cause::Cause;
-use crate::refusal::Refusal;
-use crate::refusal::request::RequestError;
+use crate::refusal::{Refusal, RequestError};
 pub(crate) use msgpack::parse as parse_msgpack;
 
 /// Length in bytes above which bodies are parsed on the compute pool: 1 ms is about 100 kB.

@@ -1,22 +1,22 @@
-//! Reasons for which the server refuses a request: those of the services, and its own.
-//! `problem` maps them to HTTP.
+//! Reasons for which the server refuses a request: those of the services, and its own, of the
+//! request's sender, its form and the server's load. `problem` maps them to HTTP.
 
-pub(crate) mod access;
-pub(crate) mod load;
-pub(crate) mod request;
+use std::time::Duration;
 
-use palpate_schemas::Readiness;
+use palpate_schemas::{FieldError, Readiness, Role};
+use palpate_store::access::AccessKey;
 use thiserror::Error;
 
+use crate::budget::ShareFull;
 use crate::cause::Cause;
-use crate::services::catalogues::error::CatalogueError;
+use crate::limits::Bound;
+use crate::roles;
+use crate::services::catalogues::CatalogueError;
 use crate::services::jobs::error::JobError;
-use crate::services::keys::error::KeyError;
-use crate::services::objects::error::ObjectError;
+use crate::services::keys::error::{KeyError, KeyFault};
+use crate::services::objects::ObjectError;
 use crate::services::sessions::SessionError;
-use access::AccessError;
-use load::LoadError;
-use request::RequestError;
+use crate::wire;
 
 /// Reason for which a request was refused.
 #[derive(Debug, Error)]
@@ -46,5 +46,92 @@ pub(crate) enum Refusal {
 impl<E: Into<Cause>> From<E> for Refusal {
     fn from(error: E) -> Self {
         Self::Cause(error.into())
+    }
+}
+
+/// Error of who sends a request, from where, and with which method.
+#[derive(Debug, Error)]
+pub(crate) enum AccessError {
+    #[error(transparent)]
+    Unauthenticated(#[from] KeyFault),
+    #[error(
+        "the key {:?} has the role {}, expected {}", key.name, role_name(key.role), needed(roles)
+    )]
+    Forbidden { key: Box<AccessKey>, roles: &'static [Role] },
+    #[error("this path exists, but not with this method; the header `Allow` lists which")]
+    OtherMethod { allow: String },
+    #[error(
+        "the request addresses the host {host:?}: a server without keys answers only to its own \
+         names, such as 127.0.0.1 or localhost; in a network also to its addresses and to the \
+         names that `--host-name` lists"
+    )]
+    ForeignHost { host: String },
+    #[error("pages of {origin} may not use this server: allow them with `--cors-origin {origin}`")]
+    ForeignOrigin { origin: String },
+}
+
+/// Error of a request's form: of its body, its path and its headers.
+#[derive(Debug, Error)]
+pub(crate) enum RequestError {
+    #[error("the body is not {format}: {reason}")]
+    Malformed { format: &'static str, reason: String, errors: Vec<FieldError> },
+    #[error("the request's path or body cannot be read: {reason}")]
+    Unreadable { reason: String },
+    #[error("the body is longer than {max} bytes")]
+    BodyTooLarge { max: usize },
+    #[error("the body did not arrive within {within:?}")]
+    BodyTooSlow { within: Duration },
+    #[error("the content type is {found:?}, expected {expected}")]
+    ContentType { found: String, expected: &'static str },
+    #[error(
+        "the content encoding is {found:?}, expected none: bodies are not compressed, leave the \
+         header `content-encoding` out"
+    )]
+    ContentEncoding { found: String },
+    #[error("the header `If-Match` is missing: expected the `ETag` of the resource to change")]
+    RevisionMissing,
+}
+
+/// Error of a request beyond what the server can do now.
+#[derive(Debug, Error)]
+pub(crate) enum LoadError {
+    #[error(
+        "each client may send {} requests a second: try again in {:.1} s", bound.limit,
+        wait.as_secs_f64()
+    )]
+    RateExceeded { bound: Bound, wait: Duration },
+    #[error(
+        "{} changes with one key have failed within a minute, which is the maximum: find the \
+         cause, and try again in {:.1} s", bound.limit, wait.as_secs_f64()
+    )]
+    FailuresExceeded { bound: Bound, wait: Duration },
+    #[error("bodies in transit take {used} of {max} bytes: this one does not fit")]
+    BodiesFull { used: usize, max: usize },
+    #[error("unread answers take {used} of {max} bytes: this one does not fit")]
+    AnswersFull { used: usize, max: usize },
+    #[error("{open} connections are open, which is the maximum: only health checks are answered")]
+    ConnectionsFull { open: usize },
+    #[error("{open} event streams are open, which is the maximum")]
+    StreamsFull { open: usize },
+    #[error("{under_way} requests are in progress, which is the maximum")]
+    RequestsFull { under_way: usize },
+    #[error(
+        "no answer within {within:?}; the request may have been stored: repeat readings with the \
+         same robot and seq"
+    )]
+    TooSlow { within: Duration },
+    #[error(transparent)]
+    ShareFull(#[from] ShareFull),
+}
+
+fn role_name(role: palpate_store::access::Role) -> &'static str {
+    roles::name(wire::access::role(role))
+}
+
+fn needed(roles: &[Role]) -> String {
+    match roles {
+        [] => "a role that no key has".to_owned(),
+        [only] => format!("the role {}", roles::name(*only)),
+        several => format!("one of the roles {}", roles::listed(several)),
     }
 }

@@ -14,8 +14,7 @@ use crate::app::App;
 use crate::asker;
 use crate::door::Peer;
 use crate::middleware::caller;
-use crate::refusal::Refusal;
-use crate::refusal::load::LoadError;
+use crate::refusal::{LoadError, Refusal};
 
 /// Whether a path belongs to supervisors and is always answered.
 pub(crate) fn is_watched(path: &str) -> bool {

@@ -15,8 +15,7 @@ use tracing::Instrument as _;
 use crate::app::App;
 use crate::asker;
 use crate::cause::Cause;
-use crate::refusal::Refusal;
-use crate::refusal::load::LoadError;
+use crate::refusal::{LoadError, Refusal};
 use crate::services::audit::{Attempt, KEEPS_OPEN, alike};
 
 /// Records a change, runs it, and records its outcome. A change that cannot be recorded is

@@ -9,8 +9,7 @@ use axum::response::{IntoResponse, Response};
 use crate::app::App;
 use crate::middleware::admission::is_watched;
 use crate::middleware::caller;
-use crate::refusal::Refusal;
-use crate::refusal::load::LoadError;
+use crate::refusal::{LoadError, Refusal};
 
 /// Admits a request within its client's share, and reports the rest.
 pub(crate) async fn share(State(app): State<App>, request: Request, next: Next) -> Response {

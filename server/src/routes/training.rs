@@ -13,7 +13,7 @@ use crate::app::App;
 use crate::extract::{JsonBody, Params, Segment1, Segment2, Segment3, if_match};
 use crate::refusal::Refusal;
 use crate::routes::documented::{Conflict, Deleted};
-use crate::services::catalogues::error::CatalogueError;
+use crate::services::catalogues::CatalogueError;
 use crate::wire;
 
 /// List the catalogues

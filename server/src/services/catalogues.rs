@@ -3,8 +3,6 @@
 //! The parts of a version are read from the store on demand (`loading`) and kept within a
 //! memory budget (`memory`).
 
-mod appearance;
-pub(crate) mod error;
 mod loading;
 mod maps;
 mod memory;
@@ -18,15 +16,17 @@ use palpate_schemas as wire;
 use palpate_store::catalogue::{Catalogue, Catalogues as Table, Draft, Manifest};
 use palpate_store::database::Database;
 use palpate_store::error::StoreError;
-use palpate_store::model_codec::ModelPart;
+use palpate_store::model_codec::{APPEARANCE_BLOCK, ModelPart};
+use thiserror::Error;
 use uuid::Uuid;
 
 use crate::cause::Cause;
 use crate::clock::now_ms;
 use crate::compute::Pool;
-use crate::model::Model;
-use crate::wire::{cursor, page_id, page_length, page_number, training};
-use error::CatalogueError;
+use crate::limits::megabytes;
+use crate::model::{Model, NoPart};
+use crate::wire::training::Unreadable;
+use crate::wire::{appearance, cursor, page_id, page_length, page_number, training};
 use loading::Key;
 use memory::Memory;
 
@@ -58,6 +58,46 @@ pub(crate) struct Pinned {
     pub(crate) version: u32,
     /// Whether it has surfaces, which determines the available methods.
     pub(crate) has_surfaces: bool,
+}
+
+/// Error of a catalogue, a version or a model.
+#[derive(Debug, Error)]
+pub(crate) enum CatalogueError {
+    #[error("catalogue {catalogue:?} has no version {version}")]
+    NoVersion { catalogue: String, version: u32 },
+    #[error("catalogue {catalogue:?} has no current version: train it first")]
+    Untrained { catalogue: String },
+    #[error("the revision is {found}, `If-Match` expects {expected}")]
+    RevisionChanged { expected: String, found: u64 },
+    #[error(
+        "the {part} of version {version} of catalogue {catalogue:?} need {} of memory, more than \
+         the {} for models: raise `--model-memory-mb`",
+        megabytes(*.needed), megabytes(*.budget)
+    )]
+    ModelTooLarge { catalogue: String, version: u32, part: &'static str, needed: u64, budget: u64 },
+    #[error(
+        "version {version} of catalogue {catalogue:?} needs {} of memory, and the models in use \
+         already take {} of {}",
+        megabytes(*.needed), megabytes(*.in_use), megabytes(*.budget)
+    )]
+    ModelsInUse { catalogue: String, version: u32, needed: u64, in_use: u64, budget: u64 },
+    #[error(
+        "version {version} of catalogue {catalogue:?} is damaged ({reason}): use another version, \
+         train a new one, or restore a snapshot"
+    )]
+    Quarantined { catalogue: String, version: u32, reason: String },
+    #[error(transparent)]
+    NoPart(#[from] NoPart),
+    #[error(transparent)]
+    Unreadable(#[from] Unreadable),
+    #[error(transparent)]
+    Cause(Cause),
+}
+
+impl<E: Into<Cause>> From<E> for CatalogueError {
+    fn from(error: E) -> Self {
+        Self::Cause(error.into())
+    }
 }
 
 impl Catalogues {
@@ -184,6 +224,21 @@ impl Catalogues {
         let (model, place) = self.object_of(name, version, object, ModelPart::Sva).await?;
         let from = usize::try_from(from).unwrap_or(usize::MAX);
         Ok(training::object_map(&model.objects[place], &model.sva()?[place], from, limit))
+    }
+
+    /// The report of a version's appearance.
+    pub(crate) async fn appearance_report(
+        &self,
+        name: &str,
+        version: &str,
+    ) -> Result<wire::AppearanceReport, CatalogueError> {
+        let catalogue = self.find(name)?;
+        let manifest = self.manifest(&catalogue, number(version)?)?;
+        let model = self.load(catalogue.id, manifest.version, ModelPart::Appearance).await?;
+        let trained = model.appearance()?;
+        let block = manifest.blocks.iter().find(|block| block.name == APPEARANCE_BLOCK);
+        let hash = block.map_or([0; 32], |block| block.hash);
+        Ok(appearance::report(trained, &model.objects, &hash, &model.name, model.version))
     }
 
     /// A part of a version's model and the index of one of its objects, by the segments of a path.

@@ -3,8 +3,6 @@
 //! Meshes and readings are stored as received; derived data is in catalogues. A catalogue's
 //! version keeps the model of an object that is deleted later.
 
-pub(crate) mod error;
-
 use std::sync::Arc;
 
 use bytes::Bytes;
@@ -15,6 +13,7 @@ use palpate_store::entity::{Object, StoredReading};
 use palpate_store::error::StoreError;
 use palpate_store::journal::{AppendError, Event, Limit, NewEntry};
 use palpate_store::mesh::{MeshInfo, MeshReader};
+use thiserror::Error;
 use uuid::Uuid;
 
 use crate::asker::Asker;
@@ -24,10 +23,11 @@ use crate::compute::Pool;
 use crate::config::Config;
 use crate::services::keys::Keys;
 use crate::services::sensors::Sensors;
-use crate::wire::object::{mesh_report, read_format, stored_format, stored_unit, unit_metres};
+use crate::wire::object::{
+    FormatError, mesh_report, read_format, stored_format, stored_unit, unit_metres,
+};
 use crate::wire::reading::{Incoming, READINGS_MAX};
 use crate::wire::{self as convert, PAGE_BYTES, cursor, page_id, page_length, page_number};
-use error::ObjectError;
 
 /// Maximum length of a description, in characters.
 const DESCRIPTION_MAX: usize = 2000;
@@ -40,6 +40,23 @@ pub(crate) struct Objects {
     sensors: Arc<Sensors>,
     pool: Pool,
     readings_max: usize,
+}
+
+/// Error of an object's change.
+#[derive(Debug, Error)]
+pub(crate) enum ObjectError {
+    #[error("object {object:?} is being trained by job {job}: cancel the job first")]
+    InTraining { object: String, job: Uuid },
+    #[error(transparent)]
+    Format(#[from] FormatError),
+    #[error(transparent)]
+    Cause(Cause),
+}
+
+impl<E: Into<Cause>> From<E> for ObjectError {
+    fn from(error: E) -> Self {
+        Self::Cause(error.into())
+    }
 }
 
 impl Objects {

@@ -11,9 +11,7 @@ use crate::admission::share;
 use crate::app::App;
 use crate::budget::{Budget, Holding, Over};
 use crate::client::Client;
-use crate::refusal::Refusal;
-use crate::refusal::load::LoadError;
-use crate::refusal::request::RequestError;
+use crate::refusal::{LoadError, Refusal, RequestError};
 
 /// Multiple of its limit up to which a too long body is read and discarded, so that the
 /// robot, still sending, gets to read the answer.

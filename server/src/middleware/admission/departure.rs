@@ -11,8 +11,7 @@ use hyper::body::{Frame, SizeHint};
 use crate::admission::{InMemory, share};
 use crate::budget::{Budget, Holding, Over};
 use crate::client::Client;
-use crate::refusal::Refusal;
-use crate::refusal::load::LoadError;
+use crate::refusal::{LoadError, Refusal};
 
 /// Largest piece of an answer that is passed on at once. The connection requests the next one
 /// when it has sent nearly all before it, so at most a few pieces wait uncounted.

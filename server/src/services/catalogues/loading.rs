@@ -17,9 +17,8 @@ use palpate_store::model::TrainedModel;
 use palpate_store::model_codec::{CodecError, ModelPart};
 use uuid::Uuid;
 
-use super::error::CatalogueError;
 use super::memory::NoRoom;
-use super::{Catalogues, parameters_of};
+use super::{CatalogueError, Catalogues, parameters_of};
 use crate::asker::Asker;
 use crate::model::{Model, NoPart, part_name};
 use crate::wire::count;

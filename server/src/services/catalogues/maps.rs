@@ -15,8 +15,7 @@ use palpate_store::model::TrainedModel;
 use palpate_store::model_codec::{ModelPart, model_to_blocks};
 use uuid::Uuid;
 
-use super::error::CatalogueError;
-use super::{Catalogues, Model};
+use super::{CatalogueError, Catalogues, Model};
 use crate::asker::Asker;
 use crate::cause::Cause;
 use crate::clock::now_ms;

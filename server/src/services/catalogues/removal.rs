@@ -9,8 +9,7 @@ use palpate_schemas::StartTraining;
 use palpate_store::catalogue::Catalogue;
 use palpate_store::entity::{Job, Session};
 
-use super::error::CatalogueError;
-use super::{Catalogues, number};
+use super::{CatalogueError, Catalogues, number};
 use crate::cause::Cause;
 
 impl Catalogues {

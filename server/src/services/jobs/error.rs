@@ -5,7 +5,7 @@ use thiserror::Error;
 use uuid::Uuid;
 
 use crate::cause::Cause;
-use crate::services::catalogues::error::CatalogueError;
+use crate::services::catalogues::CatalogueError;
 
 /// Error of jobs.
 #[derive(Debug, Error)]

@@ -12,7 +12,7 @@ use crate::cause::Cause;
 use crate::limits::megabytes;
 use crate::live::belief::{BeliefError, SessionBelief};
 use crate::model::Model;
-use crate::services::catalogues::error::CatalogueError;
+use crate::services::catalogues::CatalogueError;
 use crate::wire::geometry::HALF_EXTENT;
 use crate::wire::session::{self, Options, options};
 

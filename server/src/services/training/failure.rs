@@ -15,7 +15,7 @@ use thiserror::Error;
 
 use crate::cause::Cause;
 use crate::model::NoPart;
-use crate::services::catalogues::error::CatalogueError;
+use crate::services::catalogues::CatalogueError;
 
 /// Error of a training.
 #[derive(Debug, Error)]
