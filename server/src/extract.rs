@@ -37,14 +37,8 @@ pub(crate) struct ReadingsBody<T>(pub(crate) T);
 /// The parameters of a query.
 pub(crate) struct Params<T>(pub(crate) T);
 
-/// One segment of the path: an id or a name.
-pub(crate) struct Segment1(pub(crate) String);
-
-/// Two segments of the path.
-pub(crate) struct Segment2(pub(crate) String, pub(crate) String);
-
-/// Three segments of the path.
-pub(crate) struct Segment3(pub(crate) String, pub(crate) String, pub(crate) String);
+/// The segments of the path: an id or a name, or a tuple of them.
+pub(crate) struct Segments<T = String>(pub(crate) T);
 
 /// A mesh file: its content type and bytes.
 pub(crate) struct MeshBody {
@@ -117,36 +111,14 @@ impl<T: DeserializeOwned> FromRequestParts<App> for Params<T> {
     }
 }
 
-impl FromRequestParts<App> for Segment1 {
+impl<T: DeserializeOwned + Send> FromRequestParts<App> for Segments<T> {
     type Rejection = Refusal;
 
     async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, Refusal> {
-        let segment = Path::<String>::from_request_parts(parts, app).await;
-        let Path(segment) =
-            segment.map_err(|error| RequestError::Unreadable { reason: error.body_text() })?;
-        Ok(Self(segment))
-    }
-}
-
-impl FromRequestParts<App> for Segment2 {
-    type Rejection = Refusal;
-
-    async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, Refusal> {
-        let segments = Path::<(String, String)>::from_request_parts(parts, app).await;
-        let Path((first, second)) =
+        let segments = Path::<T>::from_request_parts(parts, app).await;
+        let Path(segments) =
             segments.map_err(|error| RequestError::Unreadable { reason: error.body_text() })?;
-        Ok(Self(first, second))
-    }
-}
-
-impl FromRequestParts<App> for Segment3 {
-    type Rejection = Refusal;
-
-    async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, Refusal> {
-        let segments = Path::<(String, String, String)>::from_request_parts(parts, app).await;
-        let Path((first, second, third)) =
-            segments.map_err(|error| RequestError::Unreadable { reason: error.body_text() })?;
-        Ok(Self(first, second, third))
+        Ok(Self(segments))
     }
 }
 

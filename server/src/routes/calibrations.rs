@@ -6,7 +6,7 @@ use axum::response::Response;
 use palpate_schemas::{CalibrateSensor, CalibrationQuery, SensorCalibration};
 
 use crate::app::App;
-use crate::extract::{JsonBody, Params, Segment1};
+use crate::extract::{JsonBody, Params, Segments};
 use crate::refusal::Refusal;
 
 /// Calibrate a sensor
@@ -20,7 +20,7 @@ use crate::refusal::Refusal;
     responses((status = 201, description = "The new calibration", body = SensorCalibration)))]
 pub(crate) async fn calibrate_sensor(
     State(app): State<App>,
-    Segment1(sensor): Segment1,
+    Segments(sensor): Segments,
     JsonBody(request): JsonBody<CalibrateSensor>,
 ) -> Result<Response, Refusal> {
     let sensor = app.sensors().get(&sensor)?;
@@ -38,7 +38,7 @@ pub(crate) async fn calibrate_sensor(
     responses((status = 200, description = "The calibration", body = SensorCalibration)))]
 pub(crate) async fn get_calibration(
     State(app): State<App>,
-    Segment1(sensor): Segment1,
+    Segments(sensor): Segments,
     Params(query): Params<CalibrationQuery>,
 ) -> Result<Json<SensorCalibration>, Refusal> {
     let sensor = app.sensors().get(&sensor)?;

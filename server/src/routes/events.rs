@@ -17,7 +17,7 @@ use tokio_stream::wrappers::{BroadcastStream, WatchStream};
 
 use crate::app::App;
 use crate::client::Client;
-use crate::extract::{Params, Segment1, revision};
+use crate::extract::{Params, Segments, revision};
 use crate::middleware::caller::Caller;
 use crate::refusal::Refusal;
 use crate::services::sessions::is_last;
@@ -38,7 +38,7 @@ pub(crate) async fn job_events(
     State(app): State<App>,
     Extension(caller): Extension<Caller>,
     Extension(client): Extension<Option<Client>>,
-    Segment1(job): Segment1,
+    Segments(job): Segments,
 ) -> Result<Response, Refusal> {
     let jobs = WatchStream::new(app.jobs().follow(&job)?);
     let events = until(jobs.boxed(), |job: &Job| job.state.is_final());
@@ -58,7 +58,7 @@ pub(crate) async fn session_events(
     State(app): State<App>,
     Extension(caller): Extension<Caller>,
     Extension(client): Extension<Option<Client>>,
-    Segment1(session): Segment1,
+    Segments(session): Segments,
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
     let known = revision(&headers, &HeaderName::from_static("last-event-id"));

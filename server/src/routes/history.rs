@@ -8,7 +8,7 @@ use palpate_schemas::{
 };
 
 use crate::app::App;
-use crate::extract::{Params, Segment1, Segment2, Segment3};
+use crate::extract::{Params, Segments};
 use crate::refusal::Refusal;
 use crate::routes::documented::{Conflict, Ended};
 
@@ -21,7 +21,7 @@ use crate::routes::documented::{Conflict, Ended};
     responses((status = 200, description = "A page of readings", body = SessionReadingPage)))]
 pub(crate) async fn list_session_readings(
     State(app): State<App>,
-    Segment1(session): Segment1,
+    Segments(session): Segments,
     Params(query): Params<PageQuery>,
 ) -> Result<Json<SessionReadingPage>, Refusal> {
     Ok(Json(app.apart(move |app| app.sessions().readings(&session, &query)).await?))
@@ -41,7 +41,7 @@ pub(crate) async fn list_session_readings(
         body = ReadingRetracted), Conflict, Ended))]
 pub(crate) async fn retract_reading(
     State(app): State<App>,
-    Segment2(session, number): Segment2,
+    Segments((session, number)): Segments<(String, String)>,
     Params(query): Params<ReadingsQuery>,
 ) -> Result<Json<ReadingRetracted>, Refusal> {
     let detail = query.belief.unwrap_or_default();
@@ -61,7 +61,7 @@ pub(crate) async fn retract_reading(
         body = ReadingRetracted), Conflict, Ended))]
 pub(crate) async fn retract_robot_reading(
     State(app): State<App>,
-    Segment3(session, robot, seq): Segment3,
+    Segments((session, robot, seq)): Segments<(String, String, String)>,
     Params(query): Params<ReadingsQuery>,
 ) -> Result<Json<ReadingRetracted>, Refusal> {
     let detail = query.belief.unwrap_or_default();
@@ -79,7 +79,7 @@ pub(crate) async fn retract_robot_reading(
     responses((status = 200, description = "The steps and the belief", body = Replay)))]
 pub(crate) async fn replay_session(
     State(app): State<App>,
-    Segment1(session): Segment1,
+    Segments(session): Segments,
     Params(query): Params<ReplayQuery>,
 ) -> Result<Json<Replay>, Refusal> {
     Ok(Json(app.sessions().replay(&session, query).await?))
@@ -100,7 +100,7 @@ pub(crate) async fn replay_session(
         Conflict))]
 pub(crate) async fn explain_session(
     State(app): State<App>,
-    Segment1(session): Segment1,
+    Segments(session): Segments,
     Params(query): Params<ExplainQuery>,
 ) -> Result<Json<Explanation>, Refusal> {
     Ok(Json(app.sessions().explain(&session, query).await?))

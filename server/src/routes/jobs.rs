@@ -6,7 +6,7 @@ use axum::http::StatusCode;
 use palpate_schemas::{Job, JobPage, PageQuery};
 
 use crate::app::App;
-use crate::extract::{Params, Segment1};
+use crate::extract::{Params, Segments};
 use crate::refusal::Refusal;
 use crate::routes::documented::{Conflict, Deleted};
 
@@ -27,7 +27,7 @@ pub(crate) async fn list_jobs(
     responses((status = 200, description = "The job", body = Job)))]
 pub(crate) async fn get_job(
     State(app): State<App>,
-    Segment1(job): Segment1,
+    Segments(job): Segments,
 ) -> Result<Json<Job>, Refusal> {
     Ok(Json(app.jobs().get(&job)?))
 }
@@ -41,7 +41,7 @@ pub(crate) async fn get_job(
     responses(Deleted, Conflict))]
 pub(crate) async fn delete_job(
     State(app): State<App>,
-    Segment1(job): Segment1,
+    Segments(job): Segments,
 ) -> Result<StatusCode, Refusal> {
     app.jobs().delete(&job).await?;
     Ok(StatusCode::NO_CONTENT)
@@ -56,7 +56,7 @@ pub(crate) async fn delete_job(
     responses((status = 200, description = "The job", body = Job), Conflict))]
 pub(crate) async fn cancel_job(
     State(app): State<App>,
-    Segment1(job): Segment1,
+    Segments(job): Segments,
 ) -> Result<Json<Job>, Refusal> {
     Ok(Json(app.jobs().cancel(&job).await?))
 }

@@ -7,7 +7,7 @@ use axum::response::Response;
 use palpate_schemas::{ApiKey, ApiKeyPage, CreateKey, NewApiKey, PageQuery, RotateKey, Whoami};
 
 use crate::app::App;
-use crate::extract::{JsonBody, Params, Segment1};
+use crate::extract::{JsonBody, Params, Segments};
 use crate::middleware::caller::Caller;
 use crate::refusal::Refusal;
 use crate::routes::documented::Conflict;
@@ -47,7 +47,7 @@ pub(crate) async fn create_key(
     responses((status = 200, description = "The key", body = ApiKey)))]
 pub(crate) async fn get_key(
     State(app): State<App>,
-    Segment1(key): Segment1,
+    Segments(key): Segments,
 ) -> Result<Json<ApiKey>, Refusal> {
     Ok(Json(app.keys().shown(&app.keys().get(&key)?)))
 }
@@ -61,7 +61,7 @@ pub(crate) async fn get_key(
     responses((status = 204, description = "The key is revoked"), Conflict))]
 pub(crate) async fn revoke_key(
     State(app): State<App>,
-    Segment1(key): Segment1,
+    Segments(key): Segments,
 ) -> Result<StatusCode, Refusal> {
     app.keys().revoke(&key).await?;
     Ok(StatusCode::NO_CONTENT)
@@ -78,7 +78,7 @@ pub(crate) async fn revoke_key(
         Conflict))]
 pub(crate) async fn rotate_key(
     State(app): State<App>,
-    Segment1(key): Segment1,
+    Segments(key): Segments,
     JsonBody(request): JsonBody<RotateKey>,
 ) -> Result<Json<NewApiKey>, Refusal> {
     Ok(Json(app.keys().rotate(&key, &request).await?))

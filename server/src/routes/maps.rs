@@ -7,7 +7,7 @@ use axum::response::{IntoResponse, Response};
 use palpate_schemas::{CatalogueVersion, MergeMaps, OccupancyMap, PlyQuery, SliceQuery};
 
 use crate::app::App;
-use crate::extract::{JsonBody, Params, Segment1, Segment3};
+use crate::extract::{JsonBody, Params, Segments};
 use crate::refusal::Refusal;
 use crate::routes::documented::{Conflict, MapFile};
 
@@ -30,7 +30,7 @@ const IMMUTABLE: &str = "private, max-age=31536000, immutable";
         (status = 304, description = "Not modified: the client has it"), Conflict))]
 pub(crate) async fn get_occupancy(
     State(app): State<App>,
-    Segment3(name, version, object): Segment3,
+    Segments((name, version, object)): Segments<(String, String, String)>,
     Params(query): Params<SliceQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
@@ -55,7 +55,7 @@ pub(crate) async fn get_occupancy(
         (status = 304, description = "Not modified: the client has it"), Conflict))]
 pub(crate) async fn get_occupancy_png(
     State(app): State<App>,
-    Segment3(name, version, object): Segment3,
+    Segments((name, version, object)): Segments<(String, String, String)>,
     Params(query): Params<SliceQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
@@ -81,7 +81,7 @@ pub(crate) async fn get_occupancy_png(
         (status = 304, description = "Not modified: the client has it"), Conflict))]
 pub(crate) async fn get_occupancy_ply(
     State(app): State<App>,
-    Segment3(name, version, object): Segment3,
+    Segments((name, version, object)): Segments<(String, String, String)>,
     Params(query): Params<PlyQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
@@ -104,7 +104,7 @@ pub(crate) async fn get_occupancy_ply(
         Conflict))]
 pub(crate) async fn merge_maps(
     State(app): State<App>,
-    Segment1(name): Segment1,
+    Segments(name): Segments,
     JsonBody(request): JsonBody<MergeMaps>,
 ) -> Result<Response, Refusal> {
     let merged = app.catalogues().merge(&name, &request).await?;

@@ -10,7 +10,7 @@ use palpate_schemas::{
 };
 
 use crate::app::App;
-use crate::extract::{JsonBody, MeshBody, Params, ReadingsBody, Segment1};
+use crate::extract::{JsonBody, MeshBody, Params, ReadingsBody, Segments};
 use crate::refusal::Refusal;
 use crate::routes::blocks;
 use crate::routes::documented::{Conflict, Deleted, MeshFile};
@@ -44,7 +44,7 @@ pub(crate) async fn create_object(
     responses((status = 200, description = "The object", body = ObjectInfo)))]
 pub(crate) async fn get_object(
     State(app): State<App>,
-    Segment1(object): Segment1,
+    Segments(object): Segments,
 ) -> Result<Json<ObjectInfo>, Refusal> {
     let object = app.objects().find(&object)?;
     Ok(Json(app.objects().show(&object)?))
@@ -57,7 +57,7 @@ pub(crate) async fn get_object(
     responses((status = 200, description = "The updated object", body = ObjectInfo), Conflict))]
 pub(crate) async fn update_object(
     State(app): State<App>,
-    Segment1(object): Segment1,
+    Segments(object): Segments,
     JsonBody(request): JsonBody<UpdateObject>,
 ) -> Result<Json<ObjectInfo>, Refusal> {
     let object = app.objects().update(&object, request).await?;
@@ -74,7 +74,7 @@ pub(crate) async fn update_object(
     responses(Deleted, Conflict))]
 pub(crate) async fn delete_object(
     State(app): State<App>,
-    Segment1(object): Segment1,
+    Segments(object): Segments,
 ) -> Result<StatusCode, Refusal> {
     app.objects().delete(&object).await?;
     Ok(StatusCode::NO_CONTENT)
@@ -90,7 +90,7 @@ pub(crate) async fn delete_object(
             (MeshFile = "model/off")))))]
 pub(crate) async fn get_mesh(
     State(app): State<App>,
-    Segment1(object): Segment1,
+    Segments(object): Segments,
 ) -> Result<Response, Refusal> {
     let (format, file) = app.objects().mesh(&object).await?;
     Ok(blocks::answer(format.media_type(), file, app.pool()))
@@ -109,7 +109,7 @@ pub(crate) async fn get_mesh(
     responses((status = 200, description = "The server's interpretation of the mesh", body = MeshReport)))]
 pub(crate) async fn put_mesh(
     State(app): State<App>,
-    Segment1(object): Segment1,
+    Segments(object): Segments,
     Params(query): Params<MeshQuery>,
     MeshBody { content_type, bytes }: MeshBody,
 ) -> Result<Json<MeshReport>, Refusal> {
@@ -124,7 +124,7 @@ pub(crate) async fn put_mesh(
         body = StoredReadingPage)))]
 pub(crate) async fn list_object_readings(
     State(app): State<App>,
-    Segment1(object): Segment1,
+    Segments(object): Segments,
     Params(query): Params<PageQuery>,
 ) -> Result<Json<StoredReadingPage>, Refusal> {
     Ok(Json(app.apart(move |app| app.objects().readings(&object, &query, app.keys())).await?))
@@ -142,7 +142,7 @@ pub(crate) async fn list_object_readings(
         Conflict))]
 pub(crate) async fn add_object_readings(
     State(app): State<App>,
-    Segment1(object): Segment1,
+    Segments(object): Segments,
     ReadingsBody(request): ReadingsBody<AddTrainingReadings>,
 ) -> Result<Json<TrainingReadingsAdded>, Refusal> {
     Ok(Json(app.objects().add_readings(&object, &request).await?))

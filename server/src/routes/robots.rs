@@ -6,7 +6,7 @@ use axum::http::StatusCode;
 use palpate_schemas::{BindRobot, PageQuery, Robot, RobotPage};
 
 use crate::app::App;
-use crate::extract::{JsonBody, Params, Segment1};
+use crate::extract::{JsonBody, Params, Segments};
 use crate::refusal::Refusal;
 use crate::routes::documented::Conflict;
 
@@ -35,7 +35,7 @@ pub(crate) async fn list_robots(
     responses((status = 200, description = "The name and its key", body = Robot), Conflict))]
 pub(crate) async fn bind_robot(
     State(app): State<App>,
-    Segment1(robot): Segment1,
+    Segments(robot): Segments,
     JsonBody(request): JsonBody<BindRobot>,
 ) -> Result<Json<Robot>, Refusal> {
     Ok(Json(app.keys().bind_robot(&robot, &request).await?))
@@ -49,7 +49,7 @@ pub(crate) async fn bind_robot(
     responses((status = 204, description = "Released")))]
 pub(crate) async fn release_robot(
     State(app): State<App>,
-    Segment1(robot): Segment1,
+    Segments(robot): Segments,
 ) -> Result<StatusCode, Refusal> {
     app.keys().release_robot(&robot).await?;
     Ok(StatusCode::NO_CONTENT)

@@ -7,7 +7,7 @@ use axum::response::Response;
 use palpate_schemas::{CreateSensor, PageQuery, Reading, ReadingCheck, Sensor, SensorPage};
 
 use crate::app::App;
-use crate::extract::{JsonBody, Params, Segment1};
+use crate::extract::{JsonBody, Params, Segments};
 use crate::refusal::Refusal;
 use crate::routes::documented::{Conflict, Deleted};
 
@@ -45,7 +45,7 @@ pub(crate) async fn create_sensor(
     responses((status = 200, description = "The sensor", body = Sensor)))]
 pub(crate) async fn get_sensor(
     State(app): State<App>,
-    Segment1(sensor): Segment1,
+    Segments(sensor): Segments,
 ) -> Result<Json<Sensor>, Refusal> {
     let sensor = app.sensors().get(&sensor)?;
     Ok(Json(app.sensors().show(&sensor)?))
@@ -61,7 +61,7 @@ pub(crate) async fn get_sensor(
     responses(Deleted, Conflict))]
 pub(crate) async fn delete_sensor(
     State(app): State<App>,
-    Segment1(sensor): Segment1,
+    Segments(sensor): Segments,
 ) -> Result<StatusCode, Refusal> {
     app.sensors().remove(&sensor, app.pool()).await?;
     Ok(StatusCode::NO_CONTENT)
@@ -78,7 +78,7 @@ pub(crate) async fn delete_sensor(
     responses((status = 200, description = "The server's interpretation of the reading", body = ReadingCheck)))]
 pub(crate) async fn check_reading(
     State(app): State<App>,
-    Segment1(sensor): Segment1,
+    Segments(sensor): Segments,
     JsonBody(reading): JsonBody<Reading>,
 ) -> Result<Json<ReadingCheck>, Refusal> {
     Ok(Json(app.sensors().check(&sensor, &reading)?))

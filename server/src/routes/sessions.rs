@@ -12,7 +12,7 @@ use palpate_schemas::{
 use serde::Serialize;
 
 use crate::app::App;
-use crate::extract::{JsonBody, OptionalBody, Params, ReadingsBody, Segment1, revision};
+use crate::extract::{JsonBody, OptionalBody, Params, ReadingsBody, Segments, revision};
 use crate::refusal::Refusal;
 use crate::routes::documented::{Conflict, Deleted, Ended, Unchanged};
 
@@ -50,7 +50,7 @@ pub(crate) async fn create_session(
     responses((status = 200, description = "The session", body = Session)))]
 pub(crate) async fn get_session(
     State(app): State<App>,
-    Segment1(session): Segment1,
+    Segments(session): Segments,
 ) -> Result<Json<Session>, Refusal> {
     Ok(Json(app.sessions().get(&session)?))
 }
@@ -61,7 +61,7 @@ pub(crate) async fn get_session(
     responses(Deleted))]
 pub(crate) async fn delete_session(
     State(app): State<App>,
-    Segment1(session): Segment1,
+    Segments(session): Segments,
 ) -> Result<StatusCode, Refusal> {
     app.sessions().delete(&session).await?;
     Ok(StatusCode::NO_CONTENT)
@@ -79,7 +79,7 @@ pub(crate) async fn delete_session(
     responses((status = 200, description = "The closed session", body = Session), Conflict))]
 pub(crate) async fn close_session(
     State(app): State<App>,
-    Segment1(session): Segment1,
+    Segments(session): Segments,
     OptionalBody(request): OptionalBody<CloseSession>,
 ) -> Result<Json<Session>, Refusal> {
     Ok(Json(app.sessions().close(&session, &request).await?))
@@ -96,7 +96,7 @@ pub(crate) async fn close_session(
         Ended))]
 pub(crate) async fn extend_session(
     State(app): State<App>,
-    Segment1(session): Segment1,
+    Segments(session): Segments,
     JsonBody(asked): JsonBody<ExtendSession>,
 ) -> Result<Json<Session>, Refusal> {
     Ok(Json(app.sessions().extend(&session, asked).await?))
@@ -121,7 +121,7 @@ pub(crate) async fn extend_session(
         Conflict, Ended))]
 pub(crate) async fn add_readings(
     State(app): State<App>,
-    Segment1(session): Segment1,
+    Segments(session): Segments,
     Params(query): Params<ReadingsQuery>,
     ReadingsBody(request): ReadingsBody<AddReadings>,
 ) -> Result<Json<ReadingsAdded>, Refusal> {
@@ -142,7 +142,7 @@ pub(crate) async fn add_readings(
         Unchanged))]
 pub(crate) async fn get_belief(
     State(app): State<App>,
-    Segment1(session): Segment1,
+    Segments(session): Segments,
     Params(query): Params<BeliefQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
@@ -166,7 +166,7 @@ pub(crate) async fn get_belief(
         Conflict))]
 pub(crate) async fn get_marginals(
     State(app): State<App>,
-    Segment1(session): Segment1,
+    Segments(session): Segments,
     Params(query): Params<MarginalsQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
@@ -200,7 +200,7 @@ fn conditional<T: Serialize>(answer: Option<(u32, T)>) -> Response {
         Conflict, Ended))]
 pub(crate) async fn ask_next_touches(
     State(app): State<App>,
-    Segment1(session): Segment1,
+    Segments(session): Segments,
     JsonBody(request): JsonBody<AskNextTouches>,
 ) -> Result<Json<NextTouches>, Refusal> {
     Ok(Json(app.sessions().next_touches(&session, &request).await?))

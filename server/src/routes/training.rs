@@ -10,7 +10,7 @@ use palpate_schemas::{
 };
 
 use crate::app::App;
-use crate::extract::{JsonBody, Params, Segment1, Segment2, Segment3, if_match};
+use crate::extract::{JsonBody, Params, Segments, if_match};
 use crate::refusal::Refusal;
 use crate::routes::documented::{Conflict, Deleted};
 use crate::services::catalogues::CatalogueError;
@@ -36,7 +36,7 @@ pub(crate) async fn list_catalogues(
     responses((status = 200, description = "The catalogue", body = Catalogue)))]
 pub(crate) async fn get_catalogue(
     State(app): State<App>,
-    Segment1(name): Segment1,
+    Segments(name): Segments,
 ) -> Result<Json<Catalogue>, Refusal> {
     Ok(Json(wire::training::catalogue(&app.catalogues().find(&name)?)))
 }
@@ -51,7 +51,7 @@ pub(crate) async fn get_catalogue(
     responses((status = 202, description = "The job that trains it", body = Job)))]
 pub(crate) async fn start_training(
     State(app): State<App>,
-    Segment1(name): Segment1,
+    Segments(name): Segments,
     JsonBody(request): JsonBody<StartTraining>,
 ) -> Result<Response, Refusal> {
     let job = app.jobs().start(&name, &request).await?;
@@ -68,7 +68,7 @@ pub(crate) async fn start_training(
     responses(Deleted, Conflict))]
 pub(crate) async fn delete_catalogue(
     State(app): State<App>,
-    Segment1(name): Segment1,
+    Segments(name): Segments,
 ) -> Result<StatusCode, Refusal> {
     app.catalogues().remove(&name).await?;
     Ok(StatusCode::NO_CONTENT)
@@ -82,7 +82,7 @@ pub(crate) async fn delete_catalogue(
         body = CatalogueVersionPage)))]
 pub(crate) async fn list_versions(
     State(app): State<App>,
-    Segment1(name): Segment1,
+    Segments(name): Segments,
     Params(query): Params<PageQuery>,
 ) -> Result<Json<CatalogueVersionPage>, Refusal> {
     Ok(Json(app.apart(move |app| app.catalogues().versions(&name, &query)).await?))
@@ -96,7 +96,7 @@ pub(crate) async fn list_versions(
     responses((status = 200, description = "The version", body = CatalogueVersion)))]
 pub(crate) async fn get_version(
     State(app): State<App>,
-    Segment2(name, version): Segment2,
+    Segments((name, version)): Segments<(String, String)>,
 ) -> Result<Json<CatalogueVersion>, Refusal> {
     Ok(Json(app.catalogues().version(&name, &version)?))
 }
@@ -112,7 +112,7 @@ pub(crate) async fn get_version(
     responses(Deleted, Conflict))]
 pub(crate) async fn delete_version(
     State(app): State<App>,
-    Segment2(name, version): Segment2,
+    Segments((name, version)): Segments<(String, String)>,
 ) -> Result<StatusCode, Refusal> {
     app.catalogues().remove_version(&name, &version).await?;
     Ok(StatusCode::NO_CONTENT)
@@ -128,7 +128,7 @@ pub(crate) async fn delete_version(
     responses((status = 200, description = "The report", body = TrainingReport)))]
 pub(crate) async fn get_report(
     State(app): State<App>,
-    Segment2(name, version): Segment2,
+    Segments((name, version)): Segments<(String, String)>,
 ) -> Result<Json<TrainingReport>, Refusal> {
     Ok(Json(app.catalogues().version(&name, &version)?.report))
 }
@@ -145,7 +145,7 @@ pub(crate) async fn get_report(
     responses((status = 200, description = "The report", body = AppearanceReport), Conflict))]
 pub(crate) async fn get_appearance_report(
     State(app): State<App>,
-    Segment2(name, version): Segment2,
+    Segments((name, version)): Segments<(String, String)>,
 ) -> Result<Json<AppearanceReport>, Refusal> {
     Ok(Json(app.catalogues().appearance_report(&name, &version).await?))
 }
@@ -163,7 +163,7 @@ pub(crate) async fn get_appearance_report(
         body = ObjectMap)))]
 pub(crate) async fn get_object_map(
     State(app): State<App>,
-    Segment3(name, version, object): Segment3,
+    Segments((name, version, object)): Segments<(String, String, String)>,
     Params(query): Params<PageQuery>,
 ) -> Result<Json<ObjectMap>, Refusal> {
     Ok(Json(app.catalogues().object_map(&name, &version, &object, &query).await?))
@@ -179,7 +179,7 @@ pub(crate) async fn get_object_map(
         headers(("etag" = String, description = "The revision"))), Conflict))]
 pub(crate) async fn get_current(
     State(app): State<App>,
-    Segment1(name): Segment1,
+    Segments(name): Segments,
 ) -> Result<Response, Refusal> {
     current(wire::training::catalogue(&app.catalogues().find(&name)?))
 }
@@ -200,7 +200,7 @@ pub(crate) async fn get_current(
             content_type = "application/problem+json")))]
 pub(crate) async fn set_current(
     State(app): State<App>,
-    Segment1(name): Segment1,
+    Segments(name): Segments,
     headers: HeaderMap,
     JsonBody(request): JsonBody<SetCurrent>,
 ) -> Result<Response, Refusal> {
