@@ -12,6 +12,8 @@ use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use thiserror::Error;
 use tokio::sync::watch;
 
+use crate::clock::pause;
+
 /// The files of a certificate and of its key, both PEM.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TlsFiles {
@@ -125,11 +127,7 @@ pub(crate) async fn renew(
     mut stopping: watch::Receiver<bool>,
 ) {
     let mut seen = state(&files).await;
-    loop {
-        tokio::select! {
-            _ = stopping.wait_for(|stopping| *stopping) => return,
-            () = tokio::time::sleep(files.look_every) => {}
-        }
+    while pause(files.look_every, &mut stopping).await {
         let now = state(&files).await;
         if now == seen {
             continue;

@@ -15,6 +15,7 @@ use tokio::sync::watch;
 use tracing::Instrument;
 use uuid::Uuid;
 
+use crate::clock::pause;
 use crate::problem;
 use crate::secret::redacted;
 
@@ -55,11 +56,8 @@ pub(crate) fn metrics_handle() -> &'static PrometheusHandle {
 /// Sorts measurements into their buckets periodically, until the server stops: otherwise
 /// every time of every request would stay in memory until the next scrape.
 pub(crate) async fn tidy(mut stopping: watch::Receiver<bool>) {
-    loop {
-        tokio::select! {
-            () = tokio::time::sleep(TIDY_EVERY) => metrics_handle().run_upkeep(),
-            _ = stopping.wait_for(|stopping| *stopping) => return,
-        }
+    while pause(TIDY_EVERY, &mut stopping).await {
+        metrics_handle().run_upkeep();
     }
 }
 

@@ -22,7 +22,7 @@ use uuid::Uuid;
 
 use crate::cause::Cause;
 use crate::client::Client;
-use crate::clock::now_ms;
+use crate::clock::{now_ms, pause};
 use crate::roles;
 use crate::wire::{access, page_length, page_number};
 use failures::Failures;
@@ -157,11 +157,7 @@ impl Audit {
 
     /// Stores counts periodically until the server stops.
     pub(crate) async fn keep(self: Arc<Self>, mut stopping: watch::Receiver<bool>) {
-        loop {
-            tokio::select! {
-                () = tokio::time::sleep(STORE_EVERY) => {}
-                _ = stopping.wait_for(|stopping| *stopping) => return,
-            }
+        while pause(STORE_EVERY, &mut stopping).await {
             self.store().await;
         }
     }

@@ -20,6 +20,7 @@ use uuid::Uuid;
 use crate::asker::Asker;
 use crate::cause::Cause;
 use crate::client::Client;
+use crate::clock::pause;
 use crate::limits::megabytes;
 use crate::services::keys::Keys;
 
@@ -120,10 +121,8 @@ impl Storage {
             if let Ok(Err(error)) = surveyed {
                 tracing::warn!(%error, "Cannot tell what takes most room: {error}");
             }
-            let pause = PAUSE.max(start.elapsed() * PAUSES);
-            tokio::select! {
-                () = tokio::time::sleep(pause) => {}
-                _ = stopping.wait_for(|stopping| *stopping) => return,
+            if !pause(PAUSE.max(start.elapsed() * PAUSES), &mut stopping).await {
+                return;
             }
         }
     }

@@ -13,7 +13,7 @@ use tokio::sync::watch;
 use uuid::Uuid;
 
 use super::Jobs;
-use crate::clock::now_ms;
+use crate::clock::{now_ms, pause};
 use crate::wire::training::job as shown;
 
 /// Pause before another attempt to store an end.
@@ -75,11 +75,7 @@ impl Jobs {
     }
 
     async fn end_later(self: Arc<Self>, ending: Ending, mut stopping: watch::Receiver<bool>) {
-        loop {
-            tokio::select! {
-                () = tokio::time::sleep(PAUSE) => {}
-                _ = stopping.wait_for(|stopping| *stopping) => return,
-            }
+        while pause(PAUSE, &mut stopping).await {
             match self.store_end(&ending).await {
                 Ok(job) => return self.conclude(&job),
                 Err(error) => tracing::debug!("Job {} waits to be stored: {error}", ending.id),

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::watch;
 
 use super::Keys;
-use crate::clock::now_ms;
+use crate::clock::{now_ms, pause};
 
 /// Interval at which the latest time is stored.
 const STORE_EVERY: Duration = Duration::from_secs(60);
@@ -49,14 +49,11 @@ impl Keys {
     /// Stores the latest time periodically, and when the server stops.
     pub(crate) async fn keep_time(self: Arc<Self>, mut stopping: watch::Receiver<bool>) {
         loop {
-            let stops = tokio::select! {
-                () = tokio::time::sleep(STORE_EVERY) => false,
-                _ = stopping.wait_for(|stopping| *stopping) => true,
-            };
+            let goes_on = pause(STORE_EVERY, &mut stopping).await;
             if let Err(error) = self.store.store_latest_time(self.now_ms()).await {
                 tracing::warn!(%error, "Cannot store the latest time");
             }
-            if stops {
+            if !goes_on {
                 return;
             }
         }

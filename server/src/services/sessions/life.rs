@@ -20,7 +20,7 @@ use crate::asker;
 use crate::budget::ShareFull;
 use crate::cause::Cause;
 use crate::client::Client;
-use crate::clock::now_ms;
+use crate::clock::{now_ms, pause};
 use crate::live::{Live, LiveError, status};
 use crate::services::catalogues::DEFAULT;
 use crate::wire::life::{opened_by, set_lease, set_truth};
@@ -176,11 +176,7 @@ impl Sessions {
 
     /// Ends expired sessions until the server stops.
     pub(crate) async fn watch(self: Arc<Self>, mut stopping: watch::Receiver<bool>) {
-        loop {
-            tokio::select! {
-                () = tokio::time::sleep(SWEEP_EVERY) => {}
-                _ = stopping.wait_for(|stopping| *stopping) => return,
-            }
+        while pause(SWEEP_EVERY, &mut stopping).await {
             if let Err(refusal) = self.sweep() {
                 tracing::error!("Cannot look for sessions that have expired: {refusal}");
             }
@@ -193,11 +189,7 @@ impl Sessions {
         keep: Duration,
         mut stopping: watch::Receiver<bool>,
     ) {
-        loop {
-            tokio::select! {
-                () = tokio::time::sleep(keep.min(FORGET_EVERY)) => {}
-                _ = stopping.wait_for(|stopping| *stopping) => return,
-            }
+        while pause(keep.min(FORGET_EVERY), &mut stopping).await {
             match self.forget_ended(keep).await {
                 Ok(0) => {}
                 Ok(n) => tracing::info!("Deleted {n} sessions that ended {keep:?} ago or earlier"),
