@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 use palpate_schemas as wire;
 use palpate_schemas::PageQuery;
 use palpate_store::access::Role;
-use palpate_store::audit::{AuditEntry, AuditLog, Ring};
+use palpate_store::audit::{AuditEntry, AuditLog};
 use palpate_store::error::StoreError;
 use tokio::sync::watch;
 use uuid::Uuid;
@@ -270,11 +270,7 @@ fn fits(entry: &AuditEntry, query: &wire::AuditQuery) -> bool {
         })
     };
     let of = |wanted: &String| *wanted == entry.operation;
-    let within = |wanted: wire::AuditRing| match wanted {
-        wire::AuditRing::Changes => entry.ring() == Ring::Changes,
-        wire::AuditRing::Refused => entry.ring() == Ring::Refused,
-        wire::AuditRing::Strangers => entry.ring() == Ring::Strangers,
-    };
+    let within = |wanted: wire::AuditRing| wanted == access::ring(entry);
     query.key.as_ref().is_none_or(by)
         && query.operation.as_ref().is_none_or(of)
         && query.ring.is_none_or(within)

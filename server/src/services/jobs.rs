@@ -297,13 +297,11 @@ impl Jobs {
         let Some(control) = self.control(id) else { return };
         // Records of a training count towards the key that requested it.
         let client = self.store.job_writer(id).ok().flatten().filter(|key| !key.is_nil());
-        match asker::ask(client.map(Client::Key), self.train(&job, &control)).await {
-            Ok(version) => {
-                self.end(Ending::new(id, JobState::Succeeded, Some(version), None), &stopping)
-                    .await;
-            }
+        let trained = asker::ask(client.map(Client::Key), self.train(&job, &control)).await;
+        let (state, version, reason) = match trained {
+            Ok(version) => (JobState::Succeeded, Some(version), None),
             Err(TrainingFailure::Stopped) if control.is_ordered(SUSPEND) => {
-                tracing::info!(job.id = %id, "Suspended job {id}: the server stops");
+                return tracing::info!(job.id = %id, "Suspended job {id}: the server stops");
             }
             Err(TrainingFailure::Stopped) if control.is_ordered(OVERDUE) => {
                 let within = self.within.as_secs();
@@ -311,17 +309,15 @@ impl Jobs {
                     "it took longer than {within} s, which is what a training may take: train \
                      fewer objects or readings, or start the server with `--training-max-s`"
                 );
-                self.end(Ending::new(id, JobState::Failed, None, Some(reason)), &stopping).await;
+                (JobState::Failed, None, Some(reason))
             }
             Err(TrainingFailure::Stopped) => {
-                let reason = "it was cancelled while it ran".to_owned();
-                self.end(Ending::new(id, JobState::Cancelled, None, Some(reason)), &stopping).await;
+                (JobState::Cancelled, None, Some("it was cancelled while it ran".to_owned()))
             }
-            Err(failure) => {
-                let reason = Some(failure.to_string());
-                self.end(Ending::new(id, JobState::Failed, None, reason), &stopping).await;
-            }
-        }
+            Err(failure) => (JobState::Failed, None, Some(failure.to_string())),
+        };
+        let ending = Ending { id, state, version, reason, at_ms: now_ms() };
+        self.end(ending, &stopping).await;
     }
 
     async fn train(&self, job: &Job, control: &Arc<Control>) -> Result<u32, TrainingFailure> {

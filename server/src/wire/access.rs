@@ -26,11 +26,7 @@ pub(crate) fn key(key: &AccessKey, now_ms: u64, stored_bytes: u64) -> wire::ApiK
 
 /// An entry of the audit log in its wire form.
 pub(crate) fn audit_entry(entry: AuditEntry) -> wire::AuditEntry {
-    let ring = match entry.ring() {
-        Ring::Changes => wire::AuditRing::Changes,
-        Ring::Refused => wire::AuditRing::Refused,
-        Ring::Strangers => wire::AuditRing::Strangers,
-    };
+    let ring = ring(&entry);
     let (key_id, key_name) = entry.key.unzip();
     wire::AuditEntry {
         seq: entry.seq,
@@ -47,6 +43,15 @@ pub(crate) fn audit_entry(entry: AuditEntry) -> wire::AuditEntry {
         ring,
         n: entry.n,
         last_at: time(entry.last_at_ms),
+    }
+}
+
+/// The ring of an entry in its wire form.
+pub(crate) fn ring(entry: &AuditEntry) -> wire::AuditRing {
+    match entry.ring() {
+        Ring::Changes => wire::AuditRing::Changes,
+        Ring::Refused => wire::AuditRing::Refused,
+        Ring::Strangers => wire::AuditRing::Strangers,
     }
 }
 

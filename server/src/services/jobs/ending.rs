@@ -13,7 +13,7 @@ use tokio::sync::watch;
 use uuid::Uuid;
 
 use super::Jobs;
-use crate::clock::{now_ms, pause};
+use crate::clock::pause;
 use crate::wire::training::job as shown;
 
 /// Pause before another attempt to store an end.
@@ -22,23 +22,14 @@ const PAUSE: Duration = Duration::from_secs(1);
 /// Result of a job.
 #[derive(Clone, Debug)]
 pub(super) struct Ending {
-    id: Uuid,
-    state: JobState,
-    version: Option<u32>,
-    reason: Option<String>,
-    at_ms: u64,
+    pub(super) id: Uuid,
+    pub(super) state: JobState,
+    pub(super) version: Option<u32>,
+    pub(super) reason: Option<String>,
+    pub(super) at_ms: u64,
 }
 
 impl Ending {
-    pub(super) fn new(
-        id: Uuid,
-        state: JobState,
-        version: Option<u32>,
-        reason: Option<String>,
-    ) -> Self {
-        Self { id, state, version, reason, at_ms: now_ms() }
-    }
-
     fn write(&self, job: &mut Job) {
         job.state = self.state;
         job.version = self.version;
