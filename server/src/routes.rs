@@ -4,21 +4,16 @@
 pub(crate) mod analyses;
 pub(crate) mod audit;
 mod blocks;
-pub(crate) mod calibrations;
-pub(crate) mod compactions;
 mod documented;
 pub(crate) mod events;
-pub(crate) mod fleet;
 pub(crate) mod history;
 pub(crate) mod jobs;
 pub(crate) mod keys;
 pub(crate) mod maps;
 pub(crate) mod objects;
-pub(crate) mod robots;
 pub(crate) mod sensors;
 pub(crate) mod sessions;
 pub(crate) mod site;
-pub(crate) mod snapshots;
 pub(crate) mod storage;
 pub(crate) mod training;
 
@@ -41,7 +36,7 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(sensors::list_sensors, sensors::create_sensor))
         .routes(routes!(sensors::get_sensor, sensors::delete_sensor))
         .routes(routes!(sensors::check_reading))
-        .routes(routes!(calibrations::get_calibration, calibrations::calibrate_sensor))
+        .routes(routes!(sensors::get_calibration, sensors::calibrate_sensor))
         .routes(routes!(analyses::analyse_coverings))
         .routes(routes!(objects::list_objects, objects::create_object))
         .routes(routes!(objects::get_object, objects::update_object, objects::delete_object))
@@ -76,18 +71,18 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(sessions::get_belief))
         .routes(routes!(sessions::get_marginals))
         .routes(routes!(sessions::ask_next_touches))
-        .routes(routes!(fleet::get_fleet))
+        .routes(routes!(sessions::get_fleet))
         .routes(routes!(events::session_events))
         .routes(routes!(events::events))
         .routes(routes!(keys::list_keys, keys::create_key))
         .routes(routes!(keys::get_key, keys::revoke_key))
         .routes(routes!(keys::rotate_key))
         .routes(routes!(keys::whoami))
-        .routes(routes!(robots::list_robots))
-        .routes(routes!(robots::bind_robot, robots::release_robot))
+        .routes(routes!(keys::list_robots))
+        .routes(routes!(keys::bind_robot, keys::release_robot))
         .routes(routes!(audit::list_audit))
-        .routes(routes!(snapshots::take_snapshot))
-        .routes(routes!(compactions::compact))
+        .routes(routes!(storage::take_snapshot))
+        .routes(routes!(storage::compact))
         .routes(routes!(storage::get_storage))
 }
 

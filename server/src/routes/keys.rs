@@ -1,10 +1,13 @@
-//! `/v1/keys` and `/v1/whoami`
+//! `/v1/keys`, `/v1/whoami`, and the robot names that keys hold: `/v1/robots`.
 
 use axum::Json;
 use axum::extract::{Extension, State};
 use axum::http::StatusCode;
 use axum::response::Response;
-use palpate_schemas::{ApiKey, ApiKeyPage, CreateKey, NewApiKey, PageQuery, RotateKey, Whoami};
+use palpate_schemas::{
+    ApiKey, ApiKeyPage, BindRobot, CreateKey, NewApiKey, PageQuery, Robot, RobotPage, RotateKey,
+    Whoami,
+};
 
 use crate::app::App;
 use crate::extract::{JsonBody, Params, Segments};
@@ -97,4 +100,49 @@ pub(crate) async fn whoami(
         key: caller.key.as_ref().map(|key| app.keys().shown(key)),
         quota_bytes: app.storage().quota().filter(|_| caller.key.is_some()),
     })
+}
+
+/// List the robot names held by keys
+///
+/// A robot name belongs, across the whole fleet, to the key that first used it in a session's
+/// reading. A reading posted under that name with another key is refused (403). Revoking a key
+/// releases its names. On a server without keys, names belong to nobody.
+#[utoipa::path(get, path = "/v1/robots", operation_id = "list_robots", tag = "keys",
+    params(PageQuery),
+    responses((status = 200, description = "A page of names", body = RobotPage)))]
+pub(crate) async fn list_robots(
+    State(app): State<App>,
+    Params(query): Params<PageQuery>,
+) -> Result<Json<RobotPage>, Refusal> {
+    Ok(Json(app.apart(move |app| app.keys().list_robots(&query)).await?))
+}
+
+/// Assign a robot name to a key
+///
+/// Takes the name from the key that held it. Stored readings keep the key they were written with.
+/// 409 if the key was revoked.
+#[utoipa::path(put, path = "/v1/robots/{robot}", operation_id = "bind_robot", tag = "keys",
+    request_body = BindRobot,
+    params(("robot" = String, Path, description = "The robot's name")),
+    responses((status = 200, description = "The name and its key", body = Robot), Conflict))]
+pub(crate) async fn bind_robot(
+    State(app): State<App>,
+    Segments(robot): Segments,
+    JsonBody(request): JsonBody<BindRobot>,
+) -> Result<Json<Robot>, Refusal> {
+    Ok(Json(app.keys().bind_robot(&robot, &request).await?))
+}
+
+/// Release a robot name
+///
+/// The name then belongs to the next key that uses it.
+#[utoipa::path(delete, path = "/v1/robots/{robot}", operation_id = "release_robot", tag = "keys",
+    params(("robot" = String, Path, description = "The robot's name")),
+    responses((status = 204, description = "Released")))]
+pub(crate) async fn release_robot(
+    State(app): State<App>,
+    Segments(robot): Segments,
+) -> Result<StatusCode, Refusal> {
+    app.keys().release_robot(&robot).await?;
+    Ok(StatusCode::NO_CONTENT)
 }
