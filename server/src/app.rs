@@ -1,5 +1,6 @@
 //! The assembled service: the state of the handlers, the router and its layers.
 
+use std::ops::Deref;
 use std::sync::Arc;
 
 use palpate_schemas::{Check, Readiness};
@@ -45,74 +46,21 @@ pub(crate) struct Parts {
     pub(crate) audit: Arc<Audit>,
     pub(crate) operations: Operations,
     pub(crate) storage: Arc<Storage>,
+    /// Becomes true when the server stops.
     pub(crate) stopping: watch::Receiver<bool>,
+}
+
+impl Deref for App {
+    type Target = Parts;
+
+    fn deref(&self) -> &Parts {
+        &self.0
+    }
 }
 
 impl App {
     pub(crate) fn new(parts: Parts) -> Self {
         Self(Arc::new(parts))
-    }
-
-    pub(crate) fn config(&self) -> &Config {
-        &self.0.config
-    }
-
-    pub(crate) fn pool(&self) -> &Pool {
-        &self.0.pool
-    }
-
-    pub(crate) fn admission(&self) -> &Admission {
-        &self.0.admission
-    }
-
-    pub(crate) fn rates(&self) -> Option<&Rates> {
-        self.0.rates.as_ref()
-    }
-
-    pub(crate) fn sensors(&self) -> &Sensors {
-        &self.0.sensors
-    }
-
-    pub(crate) fn objects(&self) -> &Objects {
-        &self.0.objects
-    }
-
-    pub(crate) fn catalogues(&self) -> &Catalogues {
-        &self.0.catalogues
-    }
-
-    pub(crate) fn shared_catalogues(&self) -> Arc<Catalogues> {
-        Arc::clone(&self.0.catalogues)
-    }
-
-    pub(crate) fn store(&self) -> &Database {
-        &self.0.store
-    }
-
-    pub(crate) fn jobs(&self) -> &Jobs {
-        &self.0.jobs
-    }
-
-    pub(crate) fn sessions(&self) -> &Arc<Sessions> {
-        &self.0.sessions
-    }
-
-    pub(crate) fn keys(&self) -> &Keys {
-        &self.0.keys
-    }
-
-    pub(crate) fn audit(&self) -> &Arc<Audit> {
-        &self.0.audit
-    }
-
-    /// The operations of the API.
-    pub(crate) fn operations(&self) -> &Operations {
-        &self.0.operations
-    }
-
-    /// Use of the disk.
-    pub(crate) fn storage(&self) -> &Arc<Storage> {
-        &self.0.storage
     }
 
     /// Runs a long read of the store on a compute thread, so that request threads stay free.
@@ -124,36 +72,31 @@ impl App {
         Refusal: From<E>,
     {
         let app = self.clone();
-        Ok(self.pool().place()?.run_long(move || read(&app)).await??)
-    }
-
-    /// Becomes true when the server stops.
-    pub(crate) fn stopping(&self) -> watch::Receiver<bool> {
-        self.0.stopping.clone()
+        Ok(self.pool.place()?.run_long(move || read(&app)).await??)
     }
 
     /// Whether the server is ready.
     pub(crate) fn readiness(&self) -> Readiness {
-        let (store, room) = match self.0.store.stats() {
-            Ok(stats) => (check("store", true, taken(&stats)), room(&stats, &self.0.storage)),
+        let (store, room) = match self.store.stats() {
+            Ok(stats) => (check("store", true, taken(&stats)), room(&stats, &self.storage)),
             Err(error) => {
                 let unknown = check("room", true, "nobody can tell".to_owned());
                 (check("store", false, error.to_string()), unknown)
             }
         };
-        let n_damaged = self.0.catalogues.n_damaged();
+        let n_damaged = self.catalogues.n_damaged();
         let integrity =
             check("integrity", n_damaged == 0, format!("{n_damaged} versions are damaged"));
-        let n_free = self.0.pool.n_free();
-        let is_stalled = self.0.pool.is_stalled();
+        let n_free = self.pool.n_free();
+        let is_stalled = self.pool.is_stalled();
         let stalled = if is_stalled { ", no thread takes work" } else { "" };
         let compute = format!("{n_free} places are free{stalled}");
         let compute = check("compute", n_free > 0 && !is_stalled, compute);
-        let stopping = *self.0.stopping.borrow();
+        let stopping = *self.stopping.borrow();
         let serving = if stopping { "the server stops" } else { "the server serves" };
-        let (beliefs, bodies) = (self.0.sessions.belief_bytes(), self.0.admission.body_bytes());
+        let (beliefs, bodies) = (self.sessions.belief_bytes(), self.admission.body_bytes());
         let (beliefs_max, bodies_max) =
-            (self.0.config.belief_memory_bytes_max, self.0.config.bodies_bytes_max);
+            (self.config.belief_memory_bytes_max, self.config.bodies_bytes_max);
         let memory = check(
             "memory",
             beliefs <= beliefs_max,
@@ -171,29 +114,29 @@ impl App {
     /// Updates the metrics that have no other source.
     pub(crate) fn measure(&self) {
         process::measure();
-        metrics::gauge!("palpate_sessions_in_memory").set(self.0.sessions.n_live() as f64);
-        metrics::gauge!("palpate_sessions_open").set(self.0.sessions.n_open() as f64);
-        metrics::gauge!("palpate_jobs_unfinished").set(self.0.jobs.n_unfinished() as f64);
-        metrics::gauge!("palpate_compute_places_free").set(self.0.pool.n_free() as f64);
-        let n_damaged = self.0.catalogues.n_damaged() as f64;
+        metrics::gauge!("palpate_sessions_in_memory").set(self.sessions.n_live() as f64);
+        metrics::gauge!("palpate_sessions_open").set(self.sessions.n_open() as f64);
+        metrics::gauge!("palpate_jobs_unfinished").set(self.jobs.n_unfinished() as f64);
+        metrics::gauge!("palpate_compute_places_free").set(self.pool.n_free() as f64);
+        let n_damaged = self.catalogues.n_damaged() as f64;
         metrics::gauge!("palpate_versions_damaged").set(n_damaged);
         let memory = [
-            ("beliefs", self.0.sessions.belief_bytes()),
-            ("bodies", self.0.admission.body_bytes()),
-            ("answers", self.0.admission.answer_bytes()),
+            ("beliefs", self.sessions.belief_bytes()),
+            ("bodies", self.admission.body_bytes()),
+            ("answers", self.admission.answer_bytes()),
         ];
         for (kind, bytes) in memory {
             metrics::gauge!("palpate_memory_bytes", "kind" => kind).set(bytes as f64);
         }
-        for (resource, used, total) in self.0.admission.occupied() {
+        for (resource, used, total) in self.admission.occupied() {
             metrics::gauge!("palpate_occupied", "resource" => resource).set(used as f64);
             metrics::gauge!("palpate_occupied_max", "resource" => resource).set(total as f64);
         }
         for part in ModelPart::ALL {
-            let bytes = self.0.catalogues.bytes_in_memory(part) as f64;
+            let bytes = self.catalogues.bytes_in_memory(part) as f64;
             metrics::gauge!("palpate_model_bytes", "part" => part_name(part)).set(bytes);
         }
-        if let Ok(stats) = self.0.store.stats() {
+        if let Ok(stats) = self.store.stats() {
             metrics::gauge!("palpate_store_bytes").set(stats.bytes as f64);
             metrics::gauge!("palpate_store_live_bytes").set(stats.live_bytes as f64);
             metrics::counter!("palpate_store_compactions_total").absolute(stats.compactions);

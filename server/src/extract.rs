@@ -63,7 +63,7 @@ impl<T: DeserializeOwned + Default + Send + 'static> FromRequest<App> for Option
 
     async fn from_request(request: Request, app: &App) -> Result<Self, Refusal> {
         let found = content_type(request.headers());
-        let config = app.config();
+        let config = &app.config;
         let bytes = read(request, config.json_bytes_max).await?;
         if bytes.is_empty() {
             return Ok(Self(T::default()));
@@ -96,7 +96,7 @@ impl FromRequest<App> for MeshBody {
 
     async fn from_request(request: Request, app: &App) -> Result<Self, Refusal> {
         let content_type = content_type(request.headers());
-        let config = app.config();
+        let config = &app.config;
         let bytes = read(request, config.mesh_bytes_max).await?;
         Ok(Self { content_type, bytes })
     }
@@ -162,12 +162,12 @@ async fn parsed<T: Send + 'static>(
     app: &App,
     parse: fn(&[u8]) -> Result<T, Refusal>,
 ) -> Result<T, Refusal> {
-    let config = app.config();
+    let config = &app.config;
     let bytes = read(request, config.json_bytes_max).await?;
     if bytes.len() <= PARSE_HERE_MAX {
         return parse(&bytes);
     }
-    app.pool().place()?.run(move || parse(&bytes)).await?
+    app.pool.place()?.run(move || parse(&bytes)).await?
 }
 
 /// Permitted values of mandatory query parameters, for requests without them.

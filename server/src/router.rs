@@ -27,7 +27,7 @@ pub(crate) fn router(app: App) -> Router {
         .layer(from_fn_with_state(app.clone(), share))
         .layer(from_fn_with_state(app.clone(), guard));
     // Browsers send preflight requests without a key.
-    let shared = match cors(&app.config().cors_origins) {
+    let shared = match cors(&app.config.cors_origins) {
         Some(cors) => guarded.layer(cors),
         None => guarded,
     };

@@ -178,15 +178,15 @@ impl Server {
         let checked = store.clone();
         let session_kept = config.session_kept;
         let (app, jobs) = assemble(config, store, keys, stopping.clone()).await?;
-        let checked_catalogues = app.shared_catalogues();
-        let sessions = Arc::clone(app.sessions());
+        let checked_catalogues = Arc::clone(&app.catalogues);
+        let sessions = Arc::clone(&app.sessions);
         tokio::spawn(telemetry::tidy(stopping.clone()));
         let working = tokio::spawn(jobs.work(stopping.clone()));
         tokio::spawn(Arc::clone(&sessions).watch(stopping.clone()));
-        let audit = Arc::clone(app.audit());
+        let audit = Arc::clone(&app.audit);
         tokio::spawn(Arc::clone(&audit).keep(stopping.clone()));
         tokio::spawn(time_keeper.keep_time(stopping.clone()));
-        tokio::spawn(Arc::clone(app.storage()).watch(stopping.clone()));
+        tokio::spawn(Arc::clone(&app.storage).watch(stopping.clone()));
         if let Some(keep) = session_kept {
             tokio::spawn(Arc::clone(&sessions).forget(keep, stopping.clone()));
         }
@@ -194,8 +194,8 @@ impl Server {
         let door = Door {
             listener,
             tls: tls.as_ref().map(watch::Sender::subscribe),
-            connections: Arc::clone(app.admission().connections()),
-            patience: app.config().patience,
+            connections: Arc::clone(app.admission.connections()),
+            patience: app.config.patience,
         };
         if let (Some(files), Some(tls)) = (tls_files, tls) {
             tokio::spawn(tls::renew(files, tls, stopping.clone()));

@@ -31,22 +31,22 @@ pub(crate) async fn admit(State(app): State<App>, request: Request, next: Next) 
         let client = caller::client(&request);
         let peer = request.extensions().get::<ConnectInfo<Peer>>();
         if peer.is_some_and(|ConnectInfo(peer)| peer.is_reserve) {
-            let open = app.admission().connections().used();
+            let open = app.admission.connections().used();
             return Err(Refusal::from(LoadError::ConnectionsFull { open }));
         }
         let (mut request, body) = arrival::receive(&app, request, client).await?;
         request.extensions_mut().insert(client);
-        let slot = app.admission().request(client)?;
+        let slot = app.admission.request(client)?;
         Ok((request, body, slot, client))
     };
     let (request, body, slot, client) = match admitted.await {
         Ok(admitted) => admitted,
         Err(refusal) => return refusal.into_response(),
     };
-    let within = app.config().answer_timeout;
+    let within = app.config.answer_timeout;
     let answer = tokio::time::timeout(within, asker::ask(client, next.run(request))).await;
     drop((slot, body));
     let answer =
         answer.unwrap_or_else(|_| Refusal::from(LoadError::TooSlow { within }).into_response());
-    departure::count(&app.admission().answers, client, answer)
+    departure::count(&app.admission.answers, client, answer)
 }

@@ -25,26 +25,26 @@ pub(crate) async fn record(State(app): State<App>, mut request: Request, next: N
         return next.run(request).await;
     };
     let key = attempt.key.as_ref().map(|(id, _, _)| *id);
-    let failures = &app.audit().failures;
+    let failures = &app.audit.failures;
     if let Some(Err(wait)) = key.map(|key| failures.check(key, Instant::now())) {
         let error = LoadError::FailuresExceeded { bound: failures.bound(wait), wait };
-        app.audit().denied(attempt, StatusCode::TOO_MANY_REQUESTS.as_u16()).await;
+        app.audit.denied(attempt, StatusCode::TOO_MANY_REQUESTS.as_u16()).await;
         return Refusal::from(error).into_response();
     }
     let changing = async move {
         let asked = attempt.clone();
-        let entry = match app.audit().begin(attempt).await {
+        let entry = match app.audit.begin(attempt).await {
             Ok(entry) => entry,
             Err(error) => return Refusal::from(error).into_response(),
         };
         let response = next.run(request).await;
         let status = response.status();
         if let Some(key) = key.filter(|_| is_of_the_caller(status)) {
-            app.audit().failures.failed(key, Instant::now());
+            app.audit.failures.failed(key, Instant::now());
         }
         let repeats = is_repeated(asked.operation, status);
         let alike = repeats.then(|| alike(&asked, status.as_u16()));
-        app.audit().finish(outcome(entry, &response), alike).await;
+        app.audit.finish(outcome(entry, &response), alike).await;
         response
     };
     let changed = asker::spawn(changing.in_current_span()).await;

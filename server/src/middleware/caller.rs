@@ -20,11 +20,11 @@ pub(crate) struct Caller {
 impl Caller {
     /// Resolves when sending to the caller must end: with its key, or with the server.
     pub(crate) fn until_ended(self, app: &App) -> impl Future<Output = ()> + Send + 'static {
-        let (app, mut stopping) = (app.clone(), app.stopping());
+        let (app, mut stopping) = (app.clone(), app.stopping.clone());
         async move {
             let refused = async {
                 match self.key {
-                    Some(key) => app.keys().until_refused(key).await,
+                    Some(key) => app.keys.until_refused(key).await,
                     None => std::future::pending().await,
                 }
             };

@@ -45,7 +45,7 @@ pub(crate) async fn guard(State(app): State<App>, mut request: Request, next: Ne
             request.extensions_mut().insert(caller);
             let response = next.run(request).await;
             if let Some(attempt) = touched.filter(|_| response.status() == StatusCode::FORBIDDEN) {
-                app.audit().denied(attempt, StatusCode::FORBIDDEN.as_u16()).await;
+                app.audit.denied(attempt, StatusCode::FORBIDDEN.as_u16()).await;
             }
             response
         }
@@ -62,7 +62,7 @@ pub(crate) async fn guard(State(app): State<App>, mut request: Request, next: Ne
             let attempt = attempt(&request, operation, key.as_ref());
             let response = Refusal::from(error).into_response();
             if matches!(response.status(), StatusCode::UNAUTHORIZED | StatusCode::FORBIDDEN) {
-                app.audit().denied(attempt, response.status().as_u16()).await;
+                app.audit.denied(attempt, response.status().as_u16()).await;
             }
             response
         }
@@ -71,31 +71,31 @@ pub(crate) async fn guard(State(app): State<App>, mut request: Request, next: Ne
 
 fn asked(app: &App, request: &Request) -> Asked {
     let route = request.extensions().get::<MatchedPath>();
-    route.map_or(Asked::Unlisted, |route| app.operations().asked(request.method(), route.as_str()))
+    route.map_or(Asked::Unlisted, |route| app.operations.asked(request.method(), route.as_str()))
 }
 
 fn check(app: &App, request: &Request, asked: Asked) -> Result<Caller, AccessError> {
     let nobody = Caller { key: None };
-    if !app.keys().required() {
+    if !app.keys.required() {
         at_home(app, request)?;
         return Ok(nobody);
     }
     let who = match asked {
         Asked::Unlisted if is_page(request.uri().path()) => Who::Anybody,
-        Asked::Operation(Rule { operation: "metrics", .. }) if app.config().open_metrics => {
+        Asked::Operation(Rule { operation: "metrics", .. }) if app.config.open_metrics => {
             Who::Anybody
         }
         Asked::Operation(rule) => rule.who,
         // The description is open, so this reveals nothing.
         Asked::OtherMethod => {
             let route = request.extensions().get::<MatchedPath>().map_or("", MatchedPath::as_str);
-            return Err(AccessError::OtherMethod { allow: app.operations().methods(route) });
+            return Err(AccessError::OtherMethod { allow: app.operations.methods(route) });
         }
         Asked::Unlisted => Who::Holders(&[]),
     };
     let Who::Holders(roles) = who else { return Ok(nobody) };
     let header = request.headers().get(header::AUTHORIZATION);
-    let key = app.keys().verify(header.map(|value| value.as_bytes()))?;
+    let key = app.keys.verify(header.map(|value| value.as_bytes()))?;
     match asked {
         // Without a route the answer is 404, and reveals nothing.
         Asked::Unlisted if request.extensions().get::<MatchedPath>().is_none() => {}
@@ -113,7 +113,7 @@ fn is_page(path: &str) -> bool {
 /// Refuses a request from another site's page in a browser of this machine: its origin is not
 /// ours, or the host is not one of this machine's names (a name that was made to point here).
 fn at_home(app: &App, request: &Request) -> Result<(), AccessError> {
-    let config = app.config();
+    let config = &app.config;
     let headers = request.headers();
     let text = |name| headers.get(name).and_then(|value: &header::HeaderValue| value.to_str().ok());
     // In HTTP/2 it is in the target.

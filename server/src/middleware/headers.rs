@@ -45,7 +45,7 @@ pub(crate) async fn secure(State(app): State<App>, request: Request, next: Next)
     set(header::CONTENT_SECURITY_POLICY, policy(&path));
     set(HeaderName::from_static("cross-origin-opener-policy"), "same-origin");
     set(HeaderName::from_static("cross-origin-resource-policy"), "same-origin");
-    if app.config().tls.is_some() {
+    if app.config.tls.is_some() {
         set(header::STRICT_TRANSPORT_SECURITY, TRANSPORT);
     }
     if let Some(cached) = cached(&path) {

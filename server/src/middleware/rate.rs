@@ -13,7 +13,7 @@ use crate::refusal::{LoadError, Refusal};
 
 /// Admits a request within its client's share, and reports the rest.
 pub(crate) async fn share(State(app): State<App>, request: Request, next: Next) -> Response {
-    let Some(rates) = app.rates().filter(|_| !is_watched(request.uri().path())) else {
+    let Some(rates) = app.rates.as_ref().filter(|_| !is_watched(request.uri().path())) else {
         return next.run(request).await;
     };
     let Some(client) = caller::client(&request) else { return next.run(request).await };

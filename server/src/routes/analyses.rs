@@ -21,6 +21,6 @@ pub(crate) async fn analyse_coverings(
     JsonBody(request): JsonBody<AnalyseCoverings>,
 ) -> Result<Json<CoveringAnalysis>, Refusal> {
     let question = wire::analysis::question(&request)?;
-    let place = app.pool().place()?;
+    let place = app.pool.place()?;
     Ok(Json(place.run_long(move || wire::analysis::analysis(&question)).await?))
 }

@@ -28,7 +28,7 @@ pub(crate) async fn list_audit(
     Params(query): Params<AuditQuery>,
 ) -> Result<Json<AuditPage>, Refusal> {
     check_operation(&query)?;
-    let audit = Arc::clone(app.audit());
+    let audit = Arc::clone(&app.audit);
     audit.store().await;
-    Ok(Json(app.pool().place()?.run_long(move || audit.list(&query)).await??))
+    Ok(Json(app.pool.place()?.run_long(move || audit.list(&query)).await??))
 }

@@ -40,7 +40,7 @@ pub(crate) async fn job_events(
     Extension(client): Extension<Option<Client>>,
     Segments(job): Segments,
 ) -> Result<Response, Refusal> {
-    let jobs = WatchStream::new(app.jobs().follow(&job)?);
+    let jobs = WatchStream::new(app.jobs.follow(&job)?);
     let events = until(jobs.boxed(), |job: &Job| job.state.is_final());
     let events = events.map(|job| Event::default().event("job").json_data(&job));
     sse(&app, (caller, client), events.filter_map(async |event| event.ok()).boxed())
@@ -62,8 +62,8 @@ pub(crate) async fn session_events(
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
     let known = revision(&headers, &HeaderName::from_static("last-event-id"));
-    let id = app.sessions().parse(&session)?;
-    let (now, events) = app.sessions().follow(id, known).await?;
+    let id = app.sessions.parse(&session)?;
+    let (now, events) = app.sessions.follow(id, known).await?;
     let events = until(session_stream(now, events), is_last);
     sse(&app, (caller, client), events.filter_map(async |event| session_event(&event)).boxed())
 }
@@ -84,7 +84,7 @@ pub(crate) async fn events(
 ) -> Result<Response, Refusal> {
     let mut all = Vec::new();
     for id in session_ids(&query)? {
-        let (now, events) = app.sessions().follow(id, None).await?;
+        let (now, events) = app.sessions.follow(id, None).await?;
         all.push(session_stream(now, events));
     }
     sse(
@@ -136,7 +136,7 @@ fn sse(
     (caller, client): (Caller, Option<Client>),
     events: BoxStream<'static, Event>,
 ) -> Result<Response, Refusal> {
-    let permit = app.admission().stream(client)?;
+    let permit = app.admission.stream(client)?;
     let ended = caller.until_ended(app);
     let events = events.take_until(Box::pin(ended)).map(move |event| {
         let _held_while_open = &permit;

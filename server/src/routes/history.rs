@@ -24,7 +24,7 @@ pub(crate) async fn list_session_readings(
     Segments(session): Segments,
     Params(query): Params<PageQuery>,
 ) -> Result<Json<SessionReadingPage>, Refusal> {
-    Ok(Json(app.apart(move |app| app.sessions().readings(&session, &query)).await?))
+    Ok(Json(app.apart(move |app| app.sessions.readings(&session, &query)).await?))
 }
 
 /// Retract a reading
@@ -45,7 +45,7 @@ pub(crate) async fn retract_reading(
     Params(query): Params<ReadingsQuery>,
 ) -> Result<Json<ReadingRetracted>, Refusal> {
     let detail = query.belief.unwrap_or_default();
-    Ok(Json(app.sessions().retract(&session, &number, detail).await?))
+    Ok(Json(app.sessions.retract(&session, &number, detail).await?))
 }
 
 /// Retract a reading by robot and `seq`
@@ -65,7 +65,7 @@ pub(crate) async fn retract_robot_reading(
     Params(query): Params<ReadingsQuery>,
 ) -> Result<Json<ReadingRetracted>, Refusal> {
     let detail = query.belief.unwrap_or_default();
-    Ok(Json(app.sessions().retract_of_robot(&session, &robot, &seq, detail).await?))
+    Ok(Json(app.sessions.retract_of_robot(&session, &robot, &seq, detail).await?))
 }
 
 /// Replay a session
@@ -82,7 +82,7 @@ pub(crate) async fn replay_session(
     Segments(session): Segments,
     Params(query): Params<ReplayQuery>,
 ) -> Result<Json<Replay>, Refusal> {
-    Ok(Json(app.sessions().replay(&session, query).await?))
+    Ok(Json(app.sessions.replay(&session, query).await?))
 }
 
 /// Explain a session's belief
@@ -103,5 +103,5 @@ pub(crate) async fn explain_session(
     Segments(session): Segments,
     Params(query): Params<ExplainQuery>,
 ) -> Result<Json<Explanation>, Refusal> {
-    Ok(Json(app.sessions().explain(&session, query).await?))
+    Ok(Json(app.sessions.explain(&session, query).await?))
 }

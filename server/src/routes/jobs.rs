@@ -18,7 +18,7 @@ pub(crate) async fn list_jobs(
     State(app): State<App>,
     Params(query): Params<PageQuery>,
 ) -> Result<Json<JobPage>, Refusal> {
-    Ok(Json(app.apart(move |app| app.jobs().list(&query)).await?))
+    Ok(Json(app.apart(move |app| app.jobs.list(&query)).await?))
 }
 
 /// Get a job
@@ -29,7 +29,7 @@ pub(crate) async fn get_job(
     State(app): State<App>,
     Segments(job): Segments,
 ) -> Result<Json<Job>, Refusal> {
-    Ok(Json(app.jobs().get(&job)?))
+    Ok(Json(app.jobs.get(&job)?))
 }
 
 /// Delete a job
@@ -43,7 +43,7 @@ pub(crate) async fn delete_job(
     State(app): State<App>,
     Segments(job): Segments,
 ) -> Result<StatusCode, Refusal> {
-    app.jobs().delete(&job).await?;
+    app.jobs.delete(&job).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 
@@ -58,5 +58,5 @@ pub(crate) async fn cancel_job(
     State(app): State<App>,
     Segments(job): Segments,
 ) -> Result<Json<Job>, Refusal> {
-    Ok(Json(app.jobs().cancel(&job).await?))
+    Ok(Json(app.jobs.cancel(&job).await?))
 }

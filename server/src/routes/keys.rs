@@ -25,7 +25,7 @@ pub(crate) async fn list_keys(
     State(app): State<App>,
     Params(query): Params<PageQuery>,
 ) -> Result<Json<ApiKeyPage>, Refusal> {
-    Ok(Json(app.apart(move |app| app.keys().list(&query)).await?))
+    Ok(Json(app.apart(move |app| app.keys.list(&query)).await?))
 }
 
 /// Create a key
@@ -40,7 +40,7 @@ pub(crate) async fn create_key(
     State(app): State<App>,
     JsonBody(request): JsonBody<CreateKey>,
 ) -> Result<Response, Refusal> {
-    let created = app.keys().create(&request).await?;
+    let created = app.keys.create(&request).await?;
     Ok(super::created(format!("/v1/keys/{}", created.key.id), created))
 }
 
@@ -52,7 +52,7 @@ pub(crate) async fn get_key(
     State(app): State<App>,
     Segments(key): Segments,
 ) -> Result<Json<ApiKey>, Refusal> {
-    Ok(Json(app.keys().shown(&app.keys().get(&key)?)))
+    Ok(Json(app.keys.shown(&app.keys.get(&key)?)))
 }
 
 /// Revoke a key
@@ -66,7 +66,7 @@ pub(crate) async fn revoke_key(
     State(app): State<App>,
     Segments(key): Segments,
 ) -> Result<StatusCode, Refusal> {
-    app.keys().revoke(&key).await?;
+    app.keys.revoke(&key).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 
@@ -84,7 +84,7 @@ pub(crate) async fn rotate_key(
     Segments(key): Segments,
     JsonBody(request): JsonBody<RotateKey>,
 ) -> Result<Json<NewApiKey>, Refusal> {
-    Ok(Json(app.keys().rotate(&key, &request).await?))
+    Ok(Json(app.keys.rotate(&key, &request).await?))
 }
 
 /// Show the caller's key and role
@@ -95,10 +95,10 @@ pub(crate) async fn whoami(
     Extension(caller): Extension<Caller>,
 ) -> Json<Whoami> {
     Json(Whoami {
-        keys_required: app.keys().required(),
+        keys_required: app.keys.required(),
         role: caller.role(),
-        key: caller.key.as_ref().map(|key| app.keys().shown(key)),
-        quota_bytes: app.storage().quota().filter(|_| caller.key.is_some()),
+        key: caller.key.as_ref().map(|key| app.keys.shown(key)),
+        quota_bytes: app.storage.quota().filter(|_| caller.key.is_some()),
     })
 }
 
@@ -114,7 +114,7 @@ pub(crate) async fn list_robots(
     State(app): State<App>,
     Params(query): Params<PageQuery>,
 ) -> Result<Json<RobotPage>, Refusal> {
-    Ok(Json(app.apart(move |app| app.keys().list_robots(&query)).await?))
+    Ok(Json(app.apart(move |app| app.keys.list_robots(&query)).await?))
 }
 
 /// Assign a robot name to a key
@@ -130,7 +130,7 @@ pub(crate) async fn bind_robot(
     Segments(robot): Segments,
     JsonBody(request): JsonBody<BindRobot>,
 ) -> Result<Json<Robot>, Refusal> {
-    Ok(Json(app.keys().bind_robot(&robot, &request).await?))
+    Ok(Json(app.keys.bind_robot(&robot, &request).await?))
 }
 
 /// Release a robot name
@@ -143,6 +143,6 @@ pub(crate) async fn release_robot(
     State(app): State<App>,
     Segments(robot): Segments,
 ) -> Result<StatusCode, Refusal> {
-    app.keys().release_robot(&robot).await?;
+    app.keys.release_robot(&robot).await?;
     Ok(StatusCode::NO_CONTENT)
 }

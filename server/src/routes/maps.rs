@@ -34,7 +34,7 @@ pub(crate) async fn get_occupancy(
     Params(query): Params<SliceQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
-    let mapped = app.catalogues().mapped(&name, &version, &object).await?;
+    let mapped = app.catalogues.mapped(&name, &version, &object).await?;
     let map = mapped.occupancy(query.slice)?;
     Ok(immutable(&headers, &mapped.tag(), Json(map)))
 }
@@ -59,9 +59,9 @@ pub(crate) async fn get_occupancy_png(
     Params(query): Params<SliceQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
-    let mapped = app.catalogues().mapped(&name, &version, &object).await?;
+    let mapped = app.catalogues.mapped(&name, &version, &object).await?;
     let tag = mapped.tag();
-    let png = mapped.png(app.pool(), query.slice).await?;
+    let png = mapped.png(&app.pool, query.slice).await?;
     Ok(immutable(&headers, &tag, ([(header::CONTENT_TYPE, "image/png")], png)))
 }
 
@@ -85,9 +85,9 @@ pub(crate) async fn get_occupancy_ply(
     Params(query): Params<PlyQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
-    let mapped = app.catalogues().mapped(&name, &version, &object).await?;
+    let mapped = app.catalogues.mapped(&name, &version, &object).await?;
     let tag = mapped.tag();
-    let ply = mapped.ply(app.pool(), query.form.unwrap_or_default()).await?;
+    let ply = mapped.ply(&app.pool, query.form.unwrap_or_default()).await?;
     Ok(immutable(&headers, &tag, ([(header::CONTENT_TYPE, "model/ply")], ply)))
 }
 
@@ -107,7 +107,7 @@ pub(crate) async fn merge_maps(
     Segments(name): Segments,
     JsonBody(request): JsonBody<MergeMaps>,
 ) -> Result<Response, Refusal> {
-    let merged = app.catalogues().merge(&name, &request).await?;
+    let merged = app.catalogues.merge(&name, &request).await?;
     Ok(super::created(format!("/v1/catalogues/{name}/versions/{}", merged.version), merged))
 }
 

@@ -23,7 +23,7 @@ pub(crate) async fn list_objects(
     State(app): State<App>,
     Params(query): Params<PageQuery>,
 ) -> Result<Json<ObjectPage>, Refusal> {
-    Ok(Json(app.apart(move |app| app.objects().list(&query)).await?))
+    Ok(Json(app.apart(move |app| app.objects.list(&query)).await?))
 }
 
 /// Create an object
@@ -34,8 +34,8 @@ pub(crate) async fn create_object(
     State(app): State<App>,
     JsonBody(request): JsonBody<CreateObject>,
 ) -> Result<Response, Refusal> {
-    let object = app.objects().create(request).await?;
-    Ok(super::created(format!("/v1/objects/{}", object.id), app.objects().show(&object)?))
+    let object = app.objects.create(request).await?;
+    Ok(super::created(format!("/v1/objects/{}", object.id), app.objects.show(&object)?))
 }
 
 /// Get an object
@@ -46,8 +46,8 @@ pub(crate) async fn get_object(
     State(app): State<App>,
     Segments(object): Segments,
 ) -> Result<Json<ObjectInfo>, Refusal> {
-    let object = app.objects().find(&object)?;
-    Ok(Json(app.objects().show(&object)?))
+    let object = app.objects.find(&object)?;
+    Ok(Json(app.objects.show(&object)?))
 }
 
 /// Rename or describe an object
@@ -60,8 +60,8 @@ pub(crate) async fn update_object(
     Segments(object): Segments,
     JsonBody(request): JsonBody<UpdateObject>,
 ) -> Result<Json<ObjectInfo>, Refusal> {
-    let object = app.objects().update(&object, request).await?;
-    Ok(Json(app.objects().show(&object)?))
+    let object = app.objects.update(&object, request).await?;
+    Ok(Json(app.objects.show(&object)?))
 }
 
 /// Delete an object
@@ -76,7 +76,7 @@ pub(crate) async fn delete_object(
     State(app): State<App>,
     Segments(object): Segments,
 ) -> Result<StatusCode, Refusal> {
-    app.objects().delete(&object).await?;
+    app.objects.delete(&object).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 
@@ -92,8 +92,8 @@ pub(crate) async fn get_mesh(
     State(app): State<App>,
     Segments(object): Segments,
 ) -> Result<Response, Refusal> {
-    let (format, file) = app.objects().mesh(&object).await?;
-    Ok(blocks::answer(format.media_type(), file, app.pool()))
+    let (format, file) = app.objects.mesh(&object).await?;
+    Ok(blocks::answer(format.media_type(), file, &app.pool))
 }
 
 /// Upload an object's mesh
@@ -113,7 +113,7 @@ pub(crate) async fn put_mesh(
     Params(query): Params<MeshQuery>,
     MeshBody { content_type, bytes }: MeshBody,
 ) -> Result<Json<MeshReport>, Refusal> {
-    Ok(Json(app.objects().put_mesh(&object, query, &content_type, bytes).await?))
+    Ok(Json(app.objects.put_mesh(&object, query, &content_type, bytes).await?))
 }
 
 /// List an object's training readings
@@ -127,7 +127,7 @@ pub(crate) async fn list_object_readings(
     Segments(object): Segments,
     Params(query): Params<PageQuery>,
 ) -> Result<Json<StoredReadingPage>, Refusal> {
-    Ok(Json(app.apart(move |app| app.objects().readings(&object, &query, app.keys())).await?))
+    Ok(Json(app.apart(move |app| app.objects.readings(&object, &query, &app.keys)).await?))
 }
 
 /// Add training readings of an object
@@ -145,5 +145,5 @@ pub(crate) async fn add_object_readings(
     Segments(object): Segments,
     ReadingsBody(request): ReadingsBody<AddTrainingReadings>,
 ) -> Result<Json<TrainingReadingsAdded>, Refusal> {
-    Ok(Json(app.objects().add_readings(&object, &request).await?))
+    Ok(Json(app.objects.add_readings(&object, &request).await?))
 }

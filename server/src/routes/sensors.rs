@@ -22,7 +22,7 @@ pub(crate) async fn list_sensors(
     State(app): State<App>,
     Params(query): Params<PageQuery>,
 ) -> Result<Json<SensorPage>, Refusal> {
-    Ok(Json(app.apart(move |app| app.sensors().list(&query)).await?))
+    Ok(Json(app.apart(move |app| app.sensors.list(&query)).await?))
 }
 
 /// Create a sensor
@@ -38,8 +38,8 @@ pub(crate) async fn create_sensor(
     State(app): State<App>,
     JsonBody(request): JsonBody<CreateSensor>,
 ) -> Result<Response, Refusal> {
-    let sensor = app.sensors().create(&request).await?;
-    Ok(super::created(format!("/v1/sensors/{}", sensor.id), app.sensors().show(&sensor)?))
+    let sensor = app.sensors.create(&request).await?;
+    Ok(super::created(format!("/v1/sensors/{}", sensor.id), app.sensors.show(&sensor)?))
 }
 
 /// Get a sensor
@@ -50,8 +50,8 @@ pub(crate) async fn get_sensor(
     State(app): State<App>,
     Segments(sensor): Segments,
 ) -> Result<Json<Sensor>, Refusal> {
-    let sensor = app.sensors().get(&sensor)?;
-    Ok(Json(app.sensors().show(&sensor)?))
+    let sensor = app.sensors.get(&sensor)?;
+    Ok(Json(app.sensors.show(&sensor)?))
 }
 
 /// Delete a sensor
@@ -66,7 +66,7 @@ pub(crate) async fn delete_sensor(
     State(app): State<App>,
     Segments(sensor): Segments,
 ) -> Result<StatusCode, Refusal> {
-    app.sensors().remove(&sensor, app.pool()).await?;
+    app.sensors.remove(&sensor, &app.pool).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 
@@ -84,7 +84,7 @@ pub(crate) async fn check_reading(
     Segments(sensor): Segments,
     JsonBody(reading): JsonBody<Reading>,
 ) -> Result<Json<ReadingCheck>, Refusal> {
-    Ok(Json(app.sensors().check(&sensor, &reading)?))
+    Ok(Json(app.sensors.check(&sensor, &reading)?))
 }
 
 /// Calibrate a sensor
@@ -101,8 +101,8 @@ pub(crate) async fn calibrate_sensor(
     Segments(sensor): Segments,
     JsonBody(request): JsonBody<CalibrateSensor>,
 ) -> Result<Response, Refusal> {
-    let sensor = app.sensors().get(&sensor)?;
-    let calibration = app.sensors().calibrations().calibrate(&sensor, request, app.pool()).await?;
+    let sensor = app.sensors.get(&sensor)?;
+    let calibration = app.sensors.calibrations().calibrate(&sensor, request, &app.pool).await?;
     let path = format!("/v1/sensors/{}/calibration?number={}", sensor.id, calibration.number);
     Ok(super::created(path, calibration))
 }
@@ -119,6 +119,6 @@ pub(crate) async fn get_calibration(
     Segments(sensor): Segments,
     Params(query): Params<CalibrationQuery>,
 ) -> Result<Json<SensorCalibration>, Refusal> {
-    let sensor = app.sensors().get(&sensor)?;
-    Ok(Json(app.sensors().calibrations().show(&sensor, query)?))
+    let sensor = app.sensors.get(&sensor)?;
+    Ok(Json(app.sensors.calibrations().show(&sensor, query)?))
 }

@@ -25,7 +25,7 @@ pub(crate) async fn list_sessions(
     State(app): State<App>,
     Params(query): Params<SessionsQuery>,
 ) -> Result<Json<SessionPage>, Refusal> {
-    Ok(Json(app.apart(move |app| app.sessions().list(&query)).await?))
+    Ok(Json(app.apart(move |app| app.sessions.list(&query)).await?))
 }
 
 /// Create a session
@@ -40,7 +40,7 @@ pub(crate) async fn create_session(
     State(app): State<App>,
     JsonBody(request): JsonBody<CreateSession>,
 ) -> Result<Response, Refusal> {
-    let session = app.sessions().create(&request).await?;
+    let session = app.sessions.create(&request).await?;
     Ok(super::created(format!("/v1/sessions/{}", session.id), session))
 }
 
@@ -52,7 +52,7 @@ pub(crate) async fn get_session(
     State(app): State<App>,
     Segments(session): Segments,
 ) -> Result<Json<Session>, Refusal> {
-    Ok(Json(app.sessions().get(&session)?))
+    Ok(Json(app.sessions.get(&session)?))
 }
 
 /// Delete a session with its readings
@@ -63,7 +63,7 @@ pub(crate) async fn delete_session(
     State(app): State<App>,
     Segments(session): Segments,
 ) -> Result<StatusCode, Refusal> {
-    app.sessions().delete(&session).await?;
+    app.sessions.delete(&session).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 
@@ -82,7 +82,7 @@ pub(crate) async fn close_session(
     Segments(session): Segments,
     OptionalBody(request): OptionalBody<CloseSession>,
 ) -> Result<Json<Session>, Refusal> {
-    Ok(Json(app.sessions().close(&session, &request).await?))
+    Ok(Json(app.sessions.close(&session, &request).await?))
 }
 
 /// Keep a session open
@@ -99,7 +99,7 @@ pub(crate) async fn extend_session(
     Segments(session): Segments,
     JsonBody(asked): JsonBody<ExtendSession>,
 ) -> Result<Json<Session>, Refusal> {
-    Ok(Json(app.sessions().extend(&session, asked).await?))
+    Ok(Json(app.sessions.extend(&session, asked).await?))
 }
 
 /// Add readings
@@ -126,7 +126,7 @@ pub(crate) async fn add_readings(
     ReadingsBody(request): ReadingsBody<AddReadings>,
 ) -> Result<Json<ReadingsAdded>, Refusal> {
     let detail = query.belief.unwrap_or_default();
-    Ok(Json(app.sessions().add(&session, &request, detail).await?))
+    Ok(Json(app.sessions.add(&session, &request, detail).await?))
 }
 
 /// Get a session's belief
@@ -147,7 +147,7 @@ pub(crate) async fn get_belief(
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
     let known = revision(&headers, &header::IF_NONE_MATCH);
-    let belief = app.sessions().belief(&session, query, known).await?;
+    let belief = app.sessions.belief(&session, query, known).await?;
     Ok(conditional(belief.map(|belief| (belief.revision, belief))))
 }
 
@@ -171,7 +171,7 @@ pub(crate) async fn get_marginals(
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
     let known = revision(&headers, &header::IF_NONE_MATCH);
-    let marginals = app.sessions().marginals(&session, query, known).await?;
+    let marginals = app.sessions.marginals(&session, query, known).await?;
     Ok(conditional(marginals.map(|marginals| (marginals.revision, marginals))))
 }
 
@@ -203,7 +203,7 @@ pub(crate) async fn ask_next_touches(
     Segments(session): Segments,
     JsonBody(request): JsonBody<AskNextTouches>,
 ) -> Result<Json<NextTouches>, Refusal> {
-    Ok(Json(app.sessions().next_touches(&session, &request).await?))
+    Ok(Json(app.sessions.next_touches(&session, &request).await?))
 }
 
 /// Get the fleet
@@ -217,5 +217,5 @@ pub(crate) async fn get_fleet(
     State(app): State<App>,
     Params(query): Params<FleetQuery>,
 ) -> Result<Json<Fleet>, Refusal> {
-    Ok(Json(app.sessions().fleet(query).await?))
+    Ok(Json(app.sessions.fleet(query).await?))
 }

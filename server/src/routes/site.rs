@@ -28,7 +28,7 @@ pub(crate) async fn readyz(
     headers: HeaderMap,
 ) -> Result<Json<Readiness>, Refusal> {
     let mut readiness = app.readiness();
-    if !app.keys().admits(&headers) {
+    if !app.keys.admits(&headers) {
         let shown = |passed| if passed { "passed" } else { "failed" };
         readiness.checks.iter_mut().for_each(|check| check.detail = shown(check.passed).to_owned());
     }
@@ -42,7 +42,7 @@ pub(crate) async fn readyz(
 pub(crate) async fn metrics(State(app): State<App>) -> Response {
     app.measure();
     let content_type = [(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")];
-    let text = telemetry::metrics_handle().render() + &app.storage().figures();
+    let text = telemetry::metrics_handle().render() + &app.storage.figures();
     (content_type, text).into_response()
 }
 

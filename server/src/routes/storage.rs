@@ -25,7 +25,7 @@ use crate::services::snapshots::{IN_MEMORY, take};
 #[utoipa::path(get, path = "/v1/storage", operation_id = "get_storage", tag = "admin",
     responses((status = 200, description = "The stored bytes", body = Storage)))]
 pub(crate) async fn get_storage(State(app): State<App>) -> Result<Json<Storage>, Refusal> {
-    Ok(Json(app.apart(|app| app.storage().show()).await?))
+    Ok(Json(app.apart(|app| app.storage.show()).await?))
 }
 
 /// Compact the stored data
@@ -39,7 +39,7 @@ pub(crate) async fn get_storage(State(app): State<App>) -> Result<Json<Storage>,
 #[utoipa::path(post, path = "/v1/compactions", operation_id = "compact", tag = "admin",
     responses((status = 200, description = "Sizes before and after", body = Compacted)))]
 pub(crate) async fn compact(State(app): State<App>) -> Result<Json<Compacted>, Refusal> {
-    let store = app.store().clone();
+    let store = app.store.clone();
     let compacting = tokio::task::spawn_blocking(move || store.compact());
     let done = compacting.await.map_err(|_| Cause::Panicked)??;
     Ok(Json(Compacted {
@@ -63,8 +63,8 @@ pub(crate) async fn take_snapshot(
     Extension(caller): Extension<Caller>,
     Extension(client): Extension<Option<Client>>,
 ) -> Result<Response, Refusal> {
-    let held = app.admission().snapshot(client)?;
-    let chunks = take(app.store(), caller.until_ended(&app)).await?;
+    let held = app.admission.snapshot(client)?;
+    let chunks = take(&app.store, caller.until_ended(&app)).await?;
     let content_type = [(header::CONTENT_TYPE, "application/octet-stream")];
     let chunks = ReceiverStream::new(chunks).map(move |chunk| {
         let _held_while_sent = &held;

@@ -25,7 +25,7 @@ pub(crate) async fn list_catalogues(
     State(app): State<App>,
     Params(query): Params<PageQuery>,
 ) -> Result<Json<CataloguePage>, Refusal> {
-    Ok(Json(app.apart(move |app| app.catalogues().list(&query)).await?))
+    Ok(Json(app.apart(move |app| app.catalogues.list(&query)).await?))
 }
 
 /// Get a catalogue
@@ -38,7 +38,7 @@ pub(crate) async fn get_catalogue(
     State(app): State<App>,
     Segments(name): Segments,
 ) -> Result<Json<Catalogue>, Refusal> {
-    Ok(Json(wire::training::catalogue(&app.catalogues().find(&name)?)))
+    Ok(Json(wire::training::catalogue(&app.catalogues.find(&name)?)))
 }
 
 /// Train a new version
@@ -54,7 +54,7 @@ pub(crate) async fn start_training(
     Segments(name): Segments,
     JsonBody(request): JsonBody<StartTraining>,
 ) -> Result<Response, Refusal> {
-    let job = app.jobs().start(&name, &request).await?;
+    let job = app.jobs.start(&name, &request).await?;
     let location = [(header::LOCATION, format!("/v1/jobs/{}", job.id))];
     Ok((StatusCode::ACCEPTED, location, Json(job)).into_response())
 }
@@ -70,7 +70,7 @@ pub(crate) async fn delete_catalogue(
     State(app): State<App>,
     Segments(name): Segments,
 ) -> Result<StatusCode, Refusal> {
-    app.catalogues().remove(&name).await?;
+    app.catalogues.remove(&name).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 
@@ -85,7 +85,7 @@ pub(crate) async fn list_versions(
     Segments(name): Segments,
     Params(query): Params<PageQuery>,
 ) -> Result<Json<CatalogueVersionPage>, Refusal> {
-    Ok(Json(app.apart(move |app| app.catalogues().versions(&name, &query)).await?))
+    Ok(Json(app.apart(move |app| app.catalogues.versions(&name, &query)).await?))
 }
 
 /// Get a version
@@ -98,7 +98,7 @@ pub(crate) async fn get_version(
     State(app): State<App>,
     Segments((name, version)): Segments<(String, String)>,
 ) -> Result<Json<CatalogueVersion>, Refusal> {
-    Ok(Json(app.catalogues().version(&name, &version)?))
+    Ok(Json(app.catalogues.version(&name, &version)?))
 }
 
 /// Delete a version
@@ -114,7 +114,7 @@ pub(crate) async fn delete_version(
     State(app): State<App>,
     Segments((name, version)): Segments<(String, String)>,
 ) -> Result<StatusCode, Refusal> {
-    app.catalogues().remove_version(&name, &version).await?;
+    app.catalogues.remove_version(&name, &version).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 
@@ -130,7 +130,7 @@ pub(crate) async fn get_report(
     State(app): State<App>,
     Segments((name, version)): Segments<(String, String)>,
 ) -> Result<Json<TrainingReport>, Refusal> {
-    Ok(Json(app.catalogues().version(&name, &version)?.report))
+    Ok(Json(app.catalogues.version(&name, &version)?.report))
 }
 
 /// Get a version's appearance report
@@ -147,7 +147,7 @@ pub(crate) async fn get_appearance_report(
     State(app): State<App>,
     Segments((name, version)): Segments<(String, String)>,
 ) -> Result<Json<AppearanceReport>, Refusal> {
-    Ok(Json(app.catalogues().appearance_report(&name, &version).await?))
+    Ok(Json(app.catalogues.appearance_report(&name, &version).await?))
 }
 
 /// Get the trained map of an object
@@ -166,7 +166,7 @@ pub(crate) async fn get_object_map(
     Segments((name, version, object)): Segments<(String, String, String)>,
     Params(query): Params<PageQuery>,
 ) -> Result<Json<ObjectMap>, Refusal> {
-    Ok(Json(app.catalogues().object_map(&name, &version, &object, &query).await?))
+    Ok(Json(app.catalogues.object_map(&name, &version, &object, &query).await?))
 }
 
 /// Get the current version
@@ -181,7 +181,7 @@ pub(crate) async fn get_current(
     State(app): State<App>,
     Segments(name): Segments,
 ) -> Result<Response, Refusal> {
-    current(wire::training::catalogue(&app.catalogues().find(&name)?))
+    current(wire::training::catalogue(&app.catalogues.find(&name)?))
 }
 
 /// Set the current version
@@ -205,7 +205,7 @@ pub(crate) async fn set_current(
     JsonBody(request): JsonBody<SetCurrent>,
 ) -> Result<Response, Refusal> {
     let revision = if_match(&headers)?;
-    let catalogue = app.catalogues().switch(&name, request.version, revision).await?;
+    let catalogue = app.catalogues.switch(&name, request.version, revision).await?;
     current(wire::training::catalogue(&catalogue))
 }
 

@@ -32,9 +32,9 @@ pub(super) async fn receive(
     request: Request,
     client: Option<Client>,
 ) -> Result<(Request, Holding), Refusal> {
-    let bodies = &app.admission().bodies;
+    let bodies = &app.admission.bodies;
     let mut room = bodies.take(client, 0).map_err(|over| full(bodies, over))?;
-    let config = app.config();
+    let config = &app.config;
     let is_json = content_type_is_structured(&request);
     let max = if is_json { config.json_bytes_max } else { config.mesh_bytes_max };
     let time = Time { whole: config.body_timeout, pause: config.patience.body };
