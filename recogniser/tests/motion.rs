@@ -126,6 +126,20 @@ fn an_object_that_comes_to_rest_is_placed_like_one_at_rest() {
 }
 
 #[test]
+fn drift_ends_once_the_object_has_come_to_rest() {
+    // Each component of drift has as many poses as rest, and an ended one frees their memory.
+    let far = Looseness { position: 10.0 * MM, angle: 0.2 };
+    let mut belief = belief();
+    let step = |reading: &Reading| {
+        belief.add(reading, &six_by_six());
+        belief.bytes()
+    };
+    let bytes: Vec<usize> = Moving::new(0, 7, far, 6, 24).readings.iter().map(step).collect();
+    let (peak, last) = (bytes.iter().max().unwrap(), bytes[23]);
+    assert!(*peak > 2 * last, "{bytes:?}");
+}
+
+#[test]
 fn an_object_that_jumps_is_found_where_it_is_now() {
     let (before, after) = (some_pose(1), some_pose(1).translation + DVec3::X * 40.0 * MM);
     let after = Pose::from_parts(before.rotation, after);

@@ -204,7 +204,7 @@ impl SledEngine {
         };
         if damage.is_none() {
             // Remains of an interrupted compaction, which the database does not need.
-            compaction::removal::tidy(folder, current);
+            compaction::removal::remove_leftovers(folder, current);
         }
         if damage.is_some() && !is_read_only {
             writer.accept().map_err(|error| OpenError::Damaged {

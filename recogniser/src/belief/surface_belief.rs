@@ -147,7 +147,8 @@ impl SurfaceBelief {
             return;
         }
         // The touches so far decide on unannounced drift: the poses are those of the likeliest
-        // component. Later touches decide whether the drift continues.
+        // component, by the prior of before, since the new one contains these touches already.
+        // Later touches decide whether the drift continues.
         let leader = self.leader();
         let mut probabilities = self.posterior();
         let prior = &mut self.common.prior;
@@ -350,3 +351,6 @@ impl SurfaceBelief {
         self.leader().map_or(&self.rest, |index| &self.drifting[index])
     }
 }
+
+#[cfg(test)]
+mod tests;

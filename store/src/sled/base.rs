@@ -59,20 +59,20 @@ impl Base {
         let footer_at = footer_at.ok_or_else(|| damaged("is too short"))?;
         let mut footer = [0; FOOTER_BYTES];
         read_at(&file, &mut footer, footer_at)?;
-        let (said, checksum) = footer.split_at(FOOTER_BYTES - CHECKSUM_BYTES);
+        let (body, checksum) = footer.split_at(FOOTER_BYTES - CHECKSUM_BYTES);
         let head = [&MAGIC[..], &VERSION.to_le_bytes()].concat();
-        if crc32fast::hash(said).to_le_bytes() != checksum || !said.starts_with(&head) {
+        if crc32fast::hash(body).to_le_bytes() != checksum || !body.starts_with(&head) {
             return Err(damaged("has no whole footer"));
         }
-        let mut said = &said[head.len()..];
-        let (index_at, index_length) = (said.get_u64_le(), said.get_u64_le());
-        let (n_pairs, live_bytes, sum) = (said.get_u64_le(), said.get_u64_le(), said.get_u128_le());
+        let mut body = &body[head.len()..];
+        let (index_at, index_length) = (body.get_u64_le(), body.get_u64_le());
+        let (n_pairs, live_bytes, sum) = (body.get_u64_le(), body.get_u64_le(), body.get_u128_le());
         if index_at.checked_add(index_length) != Some(footer_at) {
             return Err(damaged("has an index that does not fit"));
         }
         let mut index = vec![0; usize::try_from(index_length).map_err(io::Error::other)?];
         read_at(&file, &mut index, index_at)?;
-        if crc32fast::hash(&index) != said.get_u32_le() {
+        if crc32fast::hash(&index) != body.get_u32_le() {
             return Err(damaged("has a damaged index"));
         }
         let blocks = blocks(&index).ok_or_else(|| damaged("has a damaged index"))?;

@@ -72,8 +72,8 @@ fn read(levels: &Levels, part: &Part) -> ::sled::Result<Contents> {
         Part::Sleds(start, end) => (start, end),
     };
     let mut below = base.map(BaseCursor::new);
-    for said in levels.changes(Bound::Included(start)) {
-        let (key, value) = said?;
+    for entry in levels.changes(Bound::Included(start)) {
+        let (key, value) = entry?;
         if end.as_ref().is_some_and(|end| key >= *end) {
             break;
         }

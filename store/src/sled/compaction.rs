@@ -22,7 +22,7 @@ use futures::channel::oneshot;
 use super::base::Base;
 use super::current::{Current, base_file, sled_folder, stored_bytes};
 use super::levels::{Layer, Levels};
-use super::merging::{bytes_needed, merge, tell};
+use super::merging::{bytes_needed, log_compacted, merge};
 use super::opening::open_layer;
 use super::tally::{TALLY_KEY, Tally};
 use super::writer::Writer;
@@ -33,7 +33,7 @@ use removal::{discard, remove};
 
 /// Interval at which the writer checks the stored bytes. Chosen: a burst of a second is far
 /// below the slack.
-const LOOKING: Duration = Duration::from_secs(1);
+const MEASURE_INTERVAL: Duration = Duration::from_secs(1);
 /// Pause after a failure before the next automatic start. Chosen: a full disk is not tried
 /// all the time.
 const BACKOFF: Duration = Duration::from_secs(60);
@@ -64,7 +64,7 @@ pub(super) struct Compaction {
     /// Callers that wait for it.
     waiting: Vec<Answer>,
     stop: Arc<AtomicBool>,
-    looked: Option<Instant>,
+    measured: Option<Instant>,
     failed: Option<Instant>,
     /// Number of commits at the end of the last one.
     commits: Option<u64>,
@@ -89,7 +89,7 @@ impl Compaction {
             stage: Stage::None,
             waiting: Vec::new(),
             stop: Arc::default(),
-            looked: None,
+            measured: None,
             failed: None,
             commits: None,
             before_bytes: 0,
@@ -97,12 +97,12 @@ impl Compaction {
     }
 
     /// Whether no compaction is in progress.
-    pub(super) fn is_calm(&self) -> bool {
+    pub(super) fn is_idle(&self) -> bool {
         matches!(self.stage, Stage::None | Stage::Halted)
     }
 
     /// Starts a compaction, or joins the one in progress.
-    pub(super) fn ask(&mut self, answer: Answer) {
+    pub(super) fn request(&mut self, answer: Answer) {
         self.waiting.push(answer);
     }
 
@@ -146,7 +146,7 @@ impl Compaction {
 
 impl Writer {
     /// Advances a compaction as far as possible without waiting. Called between two groups.
-    pub(super) fn tend(&mut self) {
+    pub(super) fn advance_compaction(&mut self) {
         match std::mem::replace(&mut self.compaction.stage, Stage::None) {
             Stage::None => self.begin_if_due(),
             Stage::Preparing(number, thread) if thread.is_finished() => match joined(thread) {
@@ -176,16 +176,16 @@ impl Writer {
     /// Starts a compaction if it is requested, was interrupted, or too much space is used;
     /// not if its copy would not fit.
     fn begin_if_due(&mut self) {
-        let is_asked = !self.compaction.waiting.is_empty();
+        let is_requested = !self.compaction.waiting.is_empty();
         let is_soon = |then: &Option<Instant>, after| then.is_some_and(|t| t.elapsed() < after);
         if self.shared.poisoned.load(Ordering::Relaxed) {
             return self.compaction.answer(&Err(EngineError::Poisoned));
         }
-        let waits = is_soon(&self.compaction.looked, LOOKING);
-        if !is_asked && (waits || is_soon(&self.compaction.failed, BACKOFF)) {
+        let waits = is_soon(&self.compaction.measured, MEASURE_INTERVAL);
+        if !is_requested && (waits || is_soon(&self.compaction.failed, BACKOFF)) {
             return;
         }
-        self.compaction.looked = Some(Instant::now());
+        self.compaction.measured = Some(Instant::now());
         let stored = match guarded("measuring", || Ok(stored_bytes(&self.compaction.folder)?)) {
             Ok(stored) => stored,
             Err(error) => return self.compaction.fail(error),
@@ -194,7 +194,7 @@ impl Writer {
         let bound = (self.live_bytes + self.live_bytes / 2)
             .saturating_add(self.compaction.options.slack_bytes);
         let is_changed = self.compaction.commits != Some(self.tally.commits);
-        if !(is_asked || is_unfinished || (stored > bound && is_changed)) {
+        if !(is_requested || is_unfinished || (stored > bound && is_changed)) {
             return;
         }
         let needed = bytes_needed(self.live_bytes);
@@ -337,7 +337,7 @@ impl Writer {
             live_bytes: self.live_bytes,
         });
         if let Ok(compacted) = &compacted {
-            tell(compacted);
+            log_compacted(compacted);
         }
         self.compaction.answer(&compacted);
     }

@@ -54,7 +54,7 @@ impl Current {
     fn never_compacted(folder: &Path) -> io::Result<Self> {
         let current = Self::default();
         let is_there = sled_folder(folder, current.top).exists();
-        if !is_there && !current.strangers(folder)?.is_empty() {
+        if !is_there && !current.unnamed(folder)?.is_empty() {
             return Err(damage("is missing"));
         }
         Ok(current)
@@ -80,10 +80,10 @@ impl Current {
     }
 
     fn from_bytes(bytes: &[u8]) -> Option<Self> {
-        let (said, checksum) = bytes.split_at_checked(BYTES - 4)?;
+        let (body, checksum) = bytes.split_at_checked(BYTES - 4)?;
         let head = [&MAGIC[..], &VERSION.to_le_bytes()].concat();
-        let is_whole = crc32fast::hash(said).to_le_bytes() == checksum && said.starts_with(&head);
-        let number = |at: usize| said[at..at + 8].try_into().map_or(NONE, u64::from_le_bytes);
+        let is_whole = crc32fast::hash(body).to_le_bytes() == checksum && body.starts_with(&head);
+        let number = |at: usize| body[at..at + 8].try_into().map_or(NONE, u64::from_le_bytes);
         let some = |number: u64| (number != NONE).then_some(number);
         is_whole.then(|| Self { top: number(8), frozen: some(number(16)), base: some(number(24)) })
     }
@@ -102,7 +102,7 @@ impl Current {
     }
 
     /// Files and folders of compactions that do not belong to the database.
-    pub(super) fn strangers(self, folder: &Path) -> io::Result<Vec<PathBuf>> {
+    pub(super) fn unnamed(self, folder: &Path) -> io::Result<Vec<PathBuf>> {
         let own = self.files(folder);
         Ok(all(folder)?.into_iter().filter(|path| !own.contains(path)).collect())
     }

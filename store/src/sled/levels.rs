@@ -65,8 +65,8 @@ impl Form {
 }
 
 /// A key, and its value unless it was removed.
-pub(super) type Said = (Vec<u8>, Option<Vec<u8>>);
-type Saying = Box<dyn Iterator<Item = ::sled::Result<Said>>>;
+pub(super) type LevelEntry = (Vec<u8>, Option<Vec<u8>>);
+type LevelEntries = Box<dyn Iterator<Item = ::sled::Result<LevelEntry>>>;
 
 impl Layer {
     /// This level's entry for a key; `None` if it has none.
@@ -74,7 +74,7 @@ impl Layer {
         self.db.get(key)?.map(|stored| self.form.decode(&stored)).transpose()
     }
 
-    fn range(&self, start: Bound<&[u8]>) -> Saying {
+    fn range(&self, start: Bound<&[u8]>) -> LevelEntries {
         let form = self.form;
         Box::new(self.db.range::<&[u8], _>((start, Bound::Unbounded)).map(move |pair| {
             let (key, stored) = pair?;
@@ -95,7 +95,7 @@ impl Levels {
     /// The value of a key.
     pub(super) fn get(&self, key: &[u8]) -> ::sled::Result<Option<Vec<u8>>> {
         match self.top.get(key)? {
-            Some(said) => Ok(said),
+            Some(value) => Ok(value),
             None => self.get_below(key),
         }
     }
@@ -103,9 +103,9 @@ impl Levels {
     /// The value of a key in the levels below the top.
     pub(super) fn get_below(&self, key: &[u8]) -> ::sled::Result<Option<Vec<u8>>> {
         if let Some(frozen) = &self.frozen
-            && let Some(said) = frozen.get(key)?
+            && let Some(value) = frozen.get(key)?
         {
-            return Ok(said);
+            return Ok(value);
         }
         let found = self.base.as_ref().map(|base| base.get(key)).transpose()?;
         Ok(found.flatten())
@@ -114,7 +114,7 @@ impl Levels {
     /// The pairs from `start` on, in ascending order, without the tally.
     pub(super) fn range(&self, start: Bound<&[u8]>) -> Merged {
         let sleds = std::iter::once(&self.top).chain(&self.frozen).map(|layer| layer.range(start));
-        let base = self.base.iter().map(|base| -> Saying {
+        let base = self.base.iter().map(|base| -> LevelEntries {
             Box::new(base.range(start).map(|pair| {
                 let (key, value) = pair?;
                 Ok((key, Some(value)))
@@ -127,10 +127,10 @@ impl Levels {
     pub(super) fn changes(
         &self,
         start: Bound<&[u8]>,
-    ) -> impl Iterator<Item = ::sled::Result<Said>> + use<> {
+    ) -> impl Iterator<Item = ::sled::Result<LevelEntry>> + use<> {
         let sleds = std::iter::once(&self.top).chain(&self.frozen).map(|layer| layer.range(start));
         let mut merged = Merged { sources: sleds.map(Iterator::peekable).collect() };
-        std::iter::from_fn(move || merged.next_said())
+        std::iter::from_fn(move || merged.next_entry())
     }
 
     /// Adds a write to the batch of the top; `None` removes.
@@ -155,11 +155,11 @@ impl Levels {
 /// The pairs of all levels, the uppermost for each key.
 pub(super) struct Merged {
     /// From the top down.
-    sources: Vec<std::iter::Peekable<Saying>>,
+    sources: Vec<std::iter::Peekable<LevelEntries>>,
 }
 
 impl Merged {
-    fn next_said(&mut self) -> Option<::sled::Result<Said>> {
+    fn next_entry(&mut self) -> Option<::sled::Result<LevelEntry>> {
         if let [only] = self.sources.as_mut_slice() {
             return only.next();
         }
@@ -193,7 +193,7 @@ impl Iterator for Merged {
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
-            match self.next_said()? {
+            match self.next_entry()? {
                 Ok((_, None)) => {}
                 Ok((key, _)) if key == TALLY_KEY => {}
                 Ok((key, Some(value))) => return Some(Ok((key, value))),

@@ -96,11 +96,11 @@ impl Mark {
 }
 
 fn commits(slot: &[u8]) -> Option<u64> {
-    let (said, checksum) = slot.split_at(SLOT_BYTES - 4);
-    let is_whole = crc32fast::hash(said).to_le_bytes() == checksum;
+    let (body, checksum) = slot.split_at(SLOT_BYTES - 4);
+    let is_whole = crc32fast::hash(body).to_le_bytes() == checksum;
     let head = [&MAGIC[..], &VERSION.to_le_bytes()].concat();
-    let is_known = said.starts_with(&head);
-    (is_whole && is_known).then(|| u64::from_le_bytes(said[8..16].try_into().unwrap_or_default()))
+    let is_known = body.starts_with(&head);
+    (is_whole && is_known).then(|| u64::from_le_bytes(body[8..16].try_into().unwrap_or_default()))
 }
 
 #[cfg(test)]

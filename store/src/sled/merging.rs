@@ -60,7 +60,7 @@ pub(super) fn bytes_needed(live_bytes: u64) -> u64 {
 }
 
 /// Logs the result of a compaction.
-pub(super) fn tell(compacted: &Compacted) {
+pub(super) fn log_compacted(compacted: &Compacted) {
     let Compacted { before_bytes, after_bytes, live_bytes } = *compacted;
     tracing::info!(
         before_bytes,

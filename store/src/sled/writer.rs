@@ -28,7 +28,7 @@ const GROUP_MAX: usize = 1024;
 const IDLE: Duration = Duration::from_secs(1);
 
 /// Interval at which the writer advances a compaction in progress.
-const TENDING: Duration = Duration::from_millis(20);
+const ADVANCE_INTERVAL: Duration = Duration::from_millis(20);
 
 /// An order to the writer.
 pub(super) enum Order {
@@ -66,12 +66,12 @@ pub(super) struct Writer {
 impl Writer {
     pub(super) fn run(&mut self, orders: &Receiver<Order>) {
         loop {
-            self.tend();
-            let is_calm = self.compaction.is_calm();
-            let first = match orders.recv_timeout(if is_calm { IDLE } else { TENDING }) {
+            self.advance_compaction();
+            let is_idle = self.compaction.is_idle();
+            let first = match orders.recv_timeout(if is_idle { IDLE } else { ADVANCE_INTERVAL }) {
                 Ok(first) => first,
                 Err(RecvTimeoutError::Timeout) => {
-                    if is_calm {
+                    if is_idle {
                         self.sync_mark();
                     }
                     continue;
@@ -95,7 +95,7 @@ impl Writer {
                     applied.push((self.apply(commit, &mut allowance), answer));
                 }
                 Order::Cut(answer) => cuts.push(answer),
-                Order::Compact(answer) => self.compaction.ask(answer),
+                Order::Compact(answer) => self.compaction.request(answer),
             }
         }
         let written = applied.iter().filter(|(result, _)| result.is_ok()).count();
@@ -130,7 +130,7 @@ impl Writer {
             }
         }
         let room = allowance.take(&commit);
-        self.tell_of_room(&room);
+        self.log_room(&room);
         room?;
         // The last write of a key wins.
         let changes = self.changes(commit)?;
@@ -219,7 +219,7 @@ impl Writer {
     }
 
     /// Logs once that the disk is full, and once that it no longer is.
-    fn tell_of_room(&mut self, room: &Result<(), EngineError>) {
+    fn log_room(&mut self, room: &Result<(), EngineError>) {
         match room {
             Err(error) if !self.is_full => {
                 tracing::error!(%error, "Writes are refused until there is room: {error}");

@@ -15,9 +15,9 @@ const REMOVALS: u32 = 100;
 const REMOVAL_PAUSE: Duration = Duration::from_millis(20);
 
 /// Removes the remains of an interrupted compaction from the folder.
-pub(in crate::sled) fn tidy(folder: &Path, current: Current) {
-    match current.strangers(folder) {
-        Ok(strangers) => strangers.iter().for_each(|path| discard(path)),
+pub(in crate::sled) fn remove_leftovers(folder: &Path, current: Current) {
+    match current.unnamed(folder) {
+        Ok(unnamed) => unnamed.iter().for_each(|path| discard(path)),
         Err(error) => tracing::warn!(%error, "Cannot look for files of old compactions"),
     }
 }
@@ -39,7 +39,7 @@ pub(super) fn remove(folder: &Path, current: Current, mut before: Arc<Levels>) {
         std::thread::sleep(REMOVAL_PAUSE);
     }
     for attempt in 1.. {
-        let left = current.strangers(folder).unwrap_or_default();
+        let left = current.unnamed(folder).unwrap_or_default();
         let removed = left.iter().try_for_each(|path| current::remove(path));
         match removed {
             Ok(()) if left.is_empty() => return,
