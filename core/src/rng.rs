@@ -40,6 +40,8 @@ pub enum Purpose {
     Perturbation = 12,
     /// Gains of a simulated sensor's taxels.
     TaxelGains = 20,
+    /// Draws of sensors from a family.
+    SensorFamily = 21,
     /// Choice of the next touch: sampled poses and approaches.
     NextTouch = 30,
     /// Resampling of trials by a bootstrap.

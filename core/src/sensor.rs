@@ -1,15 +1,19 @@
 //! Tactile array sensors: their description, calibration and point spread.
 
 pub mod calibration;
+pub mod coupling;
 pub mod covering;
 pub mod defaults;
 pub mod description;
+pub mod family;
+pub mod force_curve;
 pub mod line;
 pub mod point_spread;
 pub mod response;
 pub mod spread_fit;
 
 pub use calibration::{Calibration, TaxelResponse, TaxelState};
-pub use description::{
-    ForceCurve, ImageOrder, SensorDescription, SensorError, SensorParameters, TaxelGrid,
-};
+pub use coupling::{Coupling, CoveringEdge, SpreadKernel};
+pub use description::{ImageOrder, SensorDescription, SensorError, SensorParameters, TaxelGrid};
+pub use family::{SensorFamily, SensorKnowledge, SensorRanges};
+pub use force_curve::ForceCurve;

@@ -13,7 +13,7 @@ use palpate_core::descriptor::DescriptorKind;
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::sensor::{
-    ForceCurve, ImageOrder, SensorDescription, SensorParameters, TaxelGrid,
+    Coupling, ForceCurve, ImageOrder, SensorDescription, SensorParameters, TaxelGrid,
 };
 use palpate_core::units::{KPA, MM};
 use palpate_dissertation::appearance::model::AppearanceRule;
@@ -89,6 +89,7 @@ fn array() -> anyhow::Result<SensorDescription> {
         noise: 0.0,
         quantisation: saturation / 255.0,
         image_order: ImageOrder::default(),
+        coupling: Coupling::default(),
     };
     Ok(SensorDescription::new(parameters)?)
 }

@@ -49,15 +49,18 @@ pub struct PressConfig {
 }
 
 impl PressConfig {
-    /// Points at most 1 mm apart, and padding of 2.3 point spreads and at least 4 taxels. For
-    /// the DigiTacts sensors these are 2 points and 4 taxels, within 1 % of the limit of fine
-    /// sampling.
+    /// Points at most 1 mm apart, and padding of 2.3 point spreads and at least 4 taxels, or as
+    /// far as the covering reaches. For the DigiTacts sensors these are 2 points and 4 taxels,
+    /// within 1 % of the limit of fine sampling.
     #[must_use]
     pub fn for_sensor(sensor: &SensorDescription) -> Self {
         let pitch = sensor.grid().pitch;
         let per_pitch = |length: f64| (length / pitch - 1e-9).ceil() as usize;
         let sub_samples = ((pitch / (1.0 * MM) - 1e-9).ceil() as usize).clamp(1, 4);
-        let padding = per_pitch(2.3 * sensor.parameters().point_spread).clamp(4, 64);
+        let padding = match sensor.parameters().coupling.margin {
+            None => per_pitch(2.3 * sensor.parameters().point_spread).clamp(4, 64),
+            Some(margin) => per_pitch(margin).min(64),
+        };
         let physics = Physics::PointSpread;
         Self { sub_samples, padding, noise_level: NoiseLevel::NONE, physics }
     }
@@ -66,16 +69,25 @@ impl PressConfig {
 /// An object and the sensor that touches it; reusable, also from many threads.
 #[derive(Clone, Debug)]
 pub struct PressSimulator {
-    mesh: Mesh,
-    surface: Surface,
-    bvh: Bvh,
+    /// The object, shared by clones and by other sensors that press it.
+    object: Arc<Pressed>,
     sensor: SensorDescription,
     row_major_sensor: SensorDescription,
     imaging: Imaging,
     /// Shared by clones; `None` for the point spread.
     covering: Option<Arc<Covering>>,
     electronics: Electronics,
+    /// Gain of each taxel, row-major; none when all are 1.
+    gains: Vec<f64>,
     config: PressConfig,
+}
+
+/// An object that is pressed, and what finds its surface.
+#[derive(Debug)]
+struct Pressed {
+    mesh: Mesh,
+    surface: Surface,
+    bvh: Bvh,
 }
 
 /// Effect of a press on the taxels, row-major in the sensor frame's order.
@@ -113,6 +125,11 @@ impl PressSimulator {
     pub fn with_config(mesh: Mesh, sensor: SensorDescription, config: PressConfig) -> Self {
         let inside_out = mesh.signed_volume() < 0.0 && mesh.is_watertight();
         let mesh = if inside_out { mesh.inside_out() } else { mesh };
+        let (bvh, surface) = (Bvh::new(&mesh), Surface::new(&mesh));
+        Self::of_object(Arc::new(Pressed { mesh, surface, bvh }), sensor, config)
+    }
+
+    fn of_object(object: Arc<Pressed>, sensor: SensorDescription, config: PressConfig) -> Self {
         let row_major_sensor = in_row_major_order(&sensor);
         let imaging = Imaging::new(&sensor, config.sub_samples, config.padding);
         let (covering, electronics) = match &config.physics {
@@ -123,19 +140,24 @@ impl PressSimulator {
                 (Some(Arc::new(elastic)), covering.electronics(&sensor))
             }
         };
-        let bvh = Bvh::new(&mesh);
-        let surface = Surface::new(&mesh);
-        Self {
-            mesh,
-            surface,
-            bvh,
-            sensor,
-            row_major_sensor,
-            imaging,
-            covering,
-            electronics,
-            config,
+        let gains = Vec::new();
+        Self { object, sensor, row_major_sensor, imaging, covering, electronics, gains, config }
+    }
+
+    /// The same object pressed by another sensor, in the physics of the point spread. Taxel
+    /// gains are drawn from `stream` if the sensor's differ.
+    #[must_use]
+    pub fn with_sensor(&self, sensor: SensorDescription, stream: &mut Stream) -> Self {
+        let noise_level = self.config.noise_level;
+        let config = PressConfig { noise_level, ..PressConfig::for_sensor(&sensor) };
+        let spread = sensor.parameters().coupling.gain_spread;
+        let n_taxels = sensor.grid().n_taxels();
+        let pressed = Self::of_object(Arc::clone(&self.object), sensor, config);
+        if spread <= 0.0 {
+            return pressed;
         }
+        let gain = |_| (1.0 + spread * stream.normal().clamp(-3.0, 3.0)).max(0.0);
+        Self { gains: (0..n_taxels).map(gain).collect(), ..pressed }
     }
 
     /// The same object and sensor with another noise level.
@@ -148,7 +170,7 @@ impl PressSimulator {
     /// The object, in metres, wound outward if it is closed.
     #[must_use]
     pub fn mesh(&self) -> &Mesh {
-        &self.mesh
+        &self.object.mesh
     }
 
     /// The sensor.
@@ -164,14 +186,14 @@ impl PressSimulator {
     }
 
     pub(crate) fn surface(&self) -> &Surface {
-        &self.surface
+        &self.object.surface
     }
 
     /// The object's surface seen by the sensor from `object_from_sensor`, up to `reach`
     /// metres in front of the covering: enough for every press up to that distance.
     #[must_use]
     pub fn heights(&self, object_from_sensor: Pose, reach: f64) -> HeightMap {
-        heights::draw(&self.bvh, &self.imaging, object_from_sensor, reach)
+        heights::draw(&self.object.bvh, &self.imaging, object_from_sensor, reach)
     }
 
     /// The press after moving `travel` metres along +z from the pose of `heights`.
@@ -209,13 +231,40 @@ impl PressSimulator {
     #[must_use]
     pub fn pressures(&self, press: &Press, stream: &mut Stream) -> Vec<f64> {
         let level = self.config.noise_level;
-        let mut report = |pressure| self.electronics.reported(pressure, level, stream);
-        match &press.load {
+        let mut pressures: Vec<f64> = match &press.load {
             Load::Displacements(displacements) => {
                 let curve = &self.sensor.parameters().force_curve;
-                displacements.iter().map(|d| report(curve.pressure(*d))).collect()
+                displacements.iter().map(|d| curve.pressure(*d)).collect()
             }
-            Load::Pressures(pressures) => pressures.iter().map(|p| report(*p)).collect(),
+            Load::Pressures(pressures) => pressures.clone(),
+        };
+        self.couple(&mut pressures, stream);
+        let report = |pressure| self.electronics.reported(pressure, level, stream);
+        pressures.into_iter().map(report).collect()
+    }
+
+    /// Gains, hysteresis and cross-talk of the taxels, in place.
+    fn couple(&self, pressures: &mut [f64], stream: &mut Stream) {
+        pressures.iter_mut().zip(&self.gains).for_each(|(pressure, gain)| *pressure *= gain);
+        let coupling = &self.sensor.parameters().coupling;
+        if coupling.hysteresis > 0.0 {
+            let factor = 1.0 + stream.uniform(-coupling.hysteresis, coupling.hysteresis);
+            pressures.iter_mut().for_each(|pressure| *pressure *= factor);
+        }
+        if coupling.cross_talk > 0.0 {
+            let own = pressures.to_vec();
+            let (rows, cols) = (self.sensor.grid().rows, self.sensor.grid().cols);
+            for (at, pressure) in pressures.iter_mut().enumerate() {
+                let (row, col) = (at / cols, at % cols);
+                let beside = [
+                    (row > 0).then(|| at - cols),
+                    (row + 1 < rows).then_some(at + cols),
+                    (col > 0).then(|| at - 1),
+                    (col + 1 < cols).then_some(at + 1),
+                ];
+                let heard: f64 = beside.into_iter().flatten().map(|taxel| own[taxel]).sum();
+                *pressure += coupling.cross_talk * heard;
+            }
         }
     }
 
@@ -240,14 +289,14 @@ impl PressSimulator {
     /// Whether the open segment between two points (metres) is free of the object.
     #[must_use]
     pub fn is_clear_between(&self, from_in_object: DVec3, to_in_object: DVec3) -> bool {
-        !self.bvh.hits_segment(from_in_object, to_in_object)
+        !self.object.bvh.hits_segment(from_in_object, to_in_object)
     }
 
     /// Whether the object's surface is nearer than `radius` (metres) to the segment between
     /// two points (metres).
     #[must_use]
     pub fn is_near_segment(&self, from_in_object: DVec3, to_in_object: DVec3, radius: f64) -> bool {
-        self.bvh.is_near_segment(from_in_object, to_in_object, radius)
+        self.object.bvh.is_near_segment(from_in_object, to_in_object, radius)
     }
 }
 
@@ -259,107 +308,4 @@ pub(crate) fn in_row_major_order(sensor: &SensorDescription) -> SensorDescriptio
 }
 
 #[cfg(test)]
-mod tests {
-    use glam::{DQuat, DVec3};
-    use palpate_core::rng::Purpose;
-
-    use super::*;
-    use crate::mesh::tests_support::{cuboid, sphere};
-
-    /// A sensor that looks down (-z of the object) from `height` above the object's origin.
-    fn looking_down(height: f64) -> Pose {
-        let rotation = DQuat::from_rotation_x(std::f64::consts::PI);
-        Pose::from_parts(rotation, DVec3::new(0.0, 0.0, height))
-    }
-
-    fn displacements(press: &Press) -> &[f64] {
-        match &press.load {
-            Load::Displacements(displacements) => displacements,
-            Load::Pressures(_) => panic!("the point spread gives displacements"),
-        }
-    }
-
-    #[test]
-    fn a_plate_pressed_one_millimetre_displaces_every_taxel_by_one() {
-        let plate = cuboid(DVec3::new(80.0 * MM, 80.0 * MM, 10.0 * MM));
-        for name in SensorDescription::PRESET_NAMES {
-            let sensor = SensorDescription::preset_named(name).unwrap();
-            let simulator = PressSimulator::new(plate.clone(), sensor);
-            let press = simulator.press(looking_down(4.0 * MM)); // the top is at 5 mm
-            assert!((press.max_penetration - 1.0 * MM).abs() < 1e-9);
-            for displacement in displacements(&press) {
-                assert!((displacement - 1.0 * MM).abs() < 1e-9, "{name}: {displacement}");
-            }
-        }
-    }
-
-    #[test]
-    fn free_air_gives_an_image_of_zeros() {
-        let simulator =
-            PressSimulator::new(cuboid(DVec3::splat(0.02)), SensorDescription::digitacts_6x6());
-        let press = simulator.press(looking_down(20.0 * MM));
-        assert!(press.max_penetration < 0.0);
-        assert!(displacements(&press).iter().all(|d| d.abs() < 1e-15));
-    }
-
-    #[test]
-    fn heights_of_a_sphere_follow_the_formula() {
-        // A sphere of radius 30 mm; the sensor's origin is 29 mm above its centre, so the
-        // surface above (x, y) is at z = 29 − √(30² − x² − y²) mm in front of the covering.
-        let simulator =
-            PressSimulator::new(sphere(30.0 * MM, 160), SensorDescription::digitacts_6x6());
-        let heights = simulator.heights(looking_down(29.0 * MM), 14.0 * MM);
-        assert!((heights.lowest() + 1.0 * MM).abs() < 0.02 * MM, "{}", heights.lowest());
-        for (x, y, z) in heights.points() {
-            let expected = 29.0 * MM - (0.03f64.powi(2) - x * x - y * y).sqrt();
-            // The mesh lies inside the sphere by the sagitta of its edges, below 0.02 mm.
-            assert!((z - expected).abs() < 0.05 * MM, "at {x}, {y}: {z} for {expected}");
-        }
-    }
-
-    #[test]
-    fn images_of_deep_presses_are_clamped_to_the_covering() {
-        let plate = cuboid(DVec3::new(80.0 * MM, 80.0 * MM, 10.0 * MM));
-        let simulator = PressSimulator::new(plate, SensorDescription::digitacts_6x6());
-        let press = simulator.press(looking_down(0.0));
-        assert!((press.max_penetration - 5.0 * MM).abs() < 1e-9);
-        assert!(displacements(&press).iter().all(|d| (d - 2.54 * MM).abs() < 1e-9));
-    }
-
-    #[test]
-    fn an_image_follows_the_object_along_columns_and_rows() {
-        // A post under the taxels of large x: columns rise with x, and it is at small y.
-        let post = cuboid(DVec3::new(3.0 * MM, 3.0 * MM, 10.0 * MM));
-        let simulator = PressSimulator::new(post, SensorDescription::digitacts_6x6());
-        // Looking down turns y over: the sensor's y is the object's −y.
-        let pose = Pose::from_parts(
-            DQuat::from_rotation_x(std::f64::consts::PI),
-            DVec3::new(-4.0 * MM, -2.0 * MM, 4.0 * MM),
-        );
-        let press = simulator.press(pose); // the post is at x = +4, y = −2 in the sensor
-        let strongest =
-            (0..36).max_by(|&a, &b| displacements(&press)[a].total_cmp(&displacements(&press)[b]));
-        // Columns at −5 −3 −1 1 3 5: x = 4 lies between 4 and 5; rows: y = −2 between 1 and 2.
-        let (row, col) = (strongest.unwrap() / 6, strongest.unwrap() % 6);
-        assert!((1..=2).contains(&row) && (4..=5).contains(&col), "row {row}, column {col}");
-    }
-
-    #[test]
-    fn equal_streams_give_equal_readings() {
-        let sensor = SensorDescription::digitacts_6x6();
-        let simulator = PressSimulator::new(sphere(20.0 * MM, 40), sensor);
-        let read = |index| {
-            let mut stream = Stream::new(5, Purpose::SensorNoise, index);
-            simulator.read(SensorId(1), looking_down(19.0 * MM), &mut stream)
-        };
-        assert_eq!(read(0), read(0));
-        assert_ne!(read(0), read(1));
-    }
-
-    #[test]
-    fn a_closed_mesh_that_is_inside_out_is_turned() {
-        let mesh = cuboid(DVec3::splat(0.02)).inside_out();
-        let simulator = PressSimulator::new(mesh, SensorDescription::digitacts_6x6());
-        assert!(simulator.mesh().signed_volume() > 0.0);
-    }
-}
+mod tests;

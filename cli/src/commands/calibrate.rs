@@ -9,7 +9,7 @@ use palpate_client::schemas::{
     TaxelState,
 };
 use palpate_core::sensor::{
-    ForceCurve, ImageOrder, SensorDescription, SensorParameters, TaxelGrid,
+    Coupling, ForceCurve, ImageOrder, SensorDescription, SensorParameters, TaxelGrid,
 };
 use palpate_sim::indent::{INDENTER, indentation_run};
 
@@ -86,6 +86,7 @@ fn description(sensor: &Sensor) -> anyhow::Result<SensorDescription> {
             rows_reversed: given.image_order.rows_reversed,
             cols_reversed: given.image_order.cols_reversed,
         },
+        coupling: Coupling::default(),
     })?)
 }
 

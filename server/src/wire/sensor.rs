@@ -6,7 +6,8 @@ use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
 use palpate_core::sensor::point_spread::point_spread_of_covering;
 use palpate_core::sensor::{
-    ForceCurve, ImageOrder, SensorDescription, SensorError, SensorParameters, TaxelGrid, defaults,
+    Coupling, ForceCurve, ImageOrder, SensorDescription, SensorError, SensorParameters, TaxelGrid,
+    defaults,
 };
 use palpate_schemas as wire;
 use palpate_store::entity::Sensor;
@@ -103,6 +104,7 @@ fn checked_description(given: &wire::DescribeSensor) -> Result<SensorDescription
         noise: given.noise.unwrap_or_else(|| defaults::noise(saturation, given.quantisation)),
         quantisation: given.quantisation,
         image_order: order(given.image_order),
+        coupling: Coupling::default(),
     };
     SensorDescription::new(parameters).map_err(refuse)
 }

@@ -1,14 +1,21 @@
 //! From depths to an image: the point spread and each taxel's mean, folded into one matrix.
 //!
 //! image = W_rows · depth · W_colsᵀ. Every row of W sums to 1, so a uniform displacement is
-//! preserved. Source: section 2.5.1 with equation 2.2 as corrected (a separable 2-D kernel).
+//! preserved, unless the covering ends near the array in another way (`CoveringEdge`). Source: section 2.5.1 with equation 2.2 as corrected (a separable 2-D kernel).
 
-use palpate_core::sensor::SensorDescription;
+use palpate_core::sensor::{CoveringEdge, SensorDescription, SpreadKernel};
 
 use super::heights::HeightMap;
 
 /// Points along each side of a taxel over which its mean is taken.
 const MEAN_POINTS: usize = 8;
+
+/// Deviations of the spread beyond which it is taken to be nothing. Chosen: an exponential has
+/// fallen to e^−8.5 there.
+const REACH: f64 = 6.0;
+
+/// Points over which the share that a covering keeps is summed.
+const KEPT_POINTS: usize = 481;
 
 /// The folded matrices and the layout of their sub-samples.
 #[derive(Clone, Debug)]
@@ -24,30 +31,8 @@ pub(super) struct Imaging {
 impl Imaging {
     pub(super) fn new(sensor: &SensorDescription, sub_samples: usize, padding: usize) -> Self {
         let grid = sensor.grid();
-        let spread = sensor.parameters().point_spread;
         let step = grid.pitch / sub_samples as f64;
-        let weights = |n_taxels: usize| -> Vec<Vec<f64>> {
-            let n_samples = (n_taxels + 2 * padding) * sub_samples;
-            let at =
-                |index: usize, n: usize, step: f64| (index as f64 - (n as f64 - 1.0) / 2.0) * step;
-            let taxel_weights = |taxel: usize| {
-                let center = at(taxel, n_taxels, grid.pitch);
-                let weight = |sample: usize| -> f64 {
-                    let place = at(sample, n_samples, step);
-                    (0..MEAN_POINTS)
-                        .map(|point| {
-                            let mean_step = grid.taxel_width / MEAN_POINTS as f64;
-                            let within = center + at(point, MEAN_POINTS, mean_step);
-                            (-0.5 * ((place - within) / spread).powi(2)).exp()
-                        })
-                        .sum()
-                };
-                let raw: Vec<f64> = (0..n_samples).map(weight).collect();
-                let sum: f64 = raw.iter().sum();
-                raw.iter().map(|value| value / sum).collect()
-            };
-            (0..n_taxels).map(taxel_weights).collect()
-        };
+        let weights = |n_taxels: usize| Axis { sensor, n_taxels, padding, step }.weights();
         let half = |n: usize| 0.5 * n as f64 * grid.pitch;
         Self {
             row_weights: weights(grid.rows),
@@ -110,6 +95,106 @@ impl Imaging {
         }
         image
     }
+}
+
+/// One axis of a sensor: taxels and sub-samples are centred on 0.
+struct Axis<'a> {
+    sensor: &'a SensorDescription,
+    n_taxels: usize,
+    padding: usize,
+    step: f64,
+}
+
+impl Axis<'_> {
+    /// A row of weights over the sub-samples for each taxel. The edge of the covering decides
+    /// what a row sums to.
+    fn weights(&self) -> Vec<Vec<f64>> {
+        let coupling = &self.sensor.parameters().coupling;
+        let sub_samples = (self.sensor.grid().pitch / self.step).round() as usize;
+        let n_samples = (self.n_taxels + 2 * self.padding) * sub_samples;
+        let places: Vec<f64> = (0..n_samples).map(|at| placed(at, n_samples, self.step)).collect();
+        let of_taxel = |taxel: usize| -> Vec<f64> {
+            let raw: Vec<f64> = places.iter().map(|place| self.felt(taxel, *place)).collect();
+            match coupling.edge {
+                CoveringEdge::Continues => {
+                    let sum: f64 = raw.iter().sum();
+                    raw.iter().map(|value| value / sum).collect()
+                }
+                CoveringEdge::ConservesForce | CoveringEdge::LosesForce => {
+                    let whole = self.unbounded(taxel, n_samples);
+                    raw.iter().map(|value| value / whole).collect()
+                }
+            }
+        };
+        let mut weights: Vec<Vec<f64>> = (0..self.n_taxels).map(of_taxel).collect();
+        if coupling.edge == CoveringEdge::ConservesForce {
+            for (at, place) in places.iter().enumerate() {
+                let kept = self.kept(*place);
+                weights.iter_mut().for_each(|row| row[at] /= kept);
+            }
+        }
+        weights
+    }
+
+    /// Half of the covering along the axis, metres.
+    fn covering_half(&self) -> f64 {
+        let margin = self.sensor.parameters().coupling.margin.unwrap_or(f64::INFINITY);
+        0.5 * self.n_taxels as f64 * self.sensor.grid().pitch + margin
+    }
+
+    /// The effect of a sub-sample at `place` on a taxel, not normalised; 0 beyond the covering.
+    fn felt(&self, taxel: usize, place: f64) -> f64 {
+        if place.abs() > self.covering_half() {
+            return 0.0;
+        }
+        self.spread_to(taxel, place)
+    }
+
+    /// The spread from `place` to a taxel over an unbounded covering.
+    fn spread_to(&self, taxel: usize, place: f64) -> f64 {
+        let grid = self.sensor.grid();
+        let center = placed(taxel, self.n_taxels, grid.pitch);
+        let mean_step = grid.taxel_width / MEAN_POINTS as f64;
+        (0..MEAN_POINTS)
+            .map(|point| self.kernel(place - (center + placed(point, MEAN_POINTS, mean_step))))
+            .sum()
+    }
+
+    fn kernel(&self, distance: f64) -> f64 {
+        let parameters = self.sensor.parameters();
+        let deviations = distance / parameters.point_spread;
+        match parameters.coupling.kernel {
+            SpreadKernel::Gaussian => (-0.5 * deviations.powi(2)).exp(),
+            SpreadKernel::Exponential => (-std::f64::consts::SQRT_2 * deviations.abs()).exp(),
+        }
+    }
+
+    /// What a taxel would feel of an even press of an unbounded covering.
+    fn unbounded(&self, taxel: usize, n_samples: usize) -> f64 {
+        let beyond = (REACH * self.sensor.parameters().point_spread / self.step).ceil() as usize;
+        let n = n_samples + 2 * beyond;
+        (0..n).map(|at| self.spread_to(taxel, placed(at, n, self.step))).sum()
+    }
+
+    /// The share of a sub-sample's force that an unbounded covering would keep within this one.
+    fn kept(&self, place: f64) -> f64 {
+        let half = self.covering_half();
+        if half.is_infinite() {
+            return 1.0;
+        }
+        let reach = REACH * self.sensor.parameters().point_spread;
+        let points = |n: usize| (0..n).map(move |at| placed(at, n, 2.0 * reach / n as f64));
+        let mass = |away: f64| self.kernel(away);
+        let whole: f64 = points(KEPT_POINTS).map(mass).sum();
+        let inside: f64 =
+            points(KEPT_POINTS).filter(|away| (place + away).abs() <= half).map(mass).sum();
+        (inside / whole).max(f64::MIN_POSITIVE)
+    }
+}
+
+/// The place of the element at an index of `n`, `step` apart and centred on 0.
+fn placed(index: usize, n: usize, step: f64) -> f64 {
+    (index as f64 - (n as f64 - 1.0) / 2.0) * step
 }
 
 /// The inner product, summed in four lanes so that it vectorises.

@@ -2,7 +2,7 @@
 
 use bincode::{Decode, Encode};
 use palpate_core::sensor::{
-    ForceCurve, ImageOrder, SensorDescription, SensorParameters, TaxelGrid,
+    Coupling, ForceCurve, ImageOrder, SensorDescription, SensorParameters, TaxelGrid,
 };
 use uuid::Uuid;
 
@@ -76,6 +76,7 @@ impl Record for Sensor {
             noise: stored.noise,
             quantisation: stored.quantisation,
             image_order: ImageOrder { transposed, rows_reversed, cols_reversed },
+            coupling: Coupling::default(),
         })?;
         Ok(Self {
             id: Uuid::from_bytes(stored.id),

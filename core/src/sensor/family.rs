@@ -1,0 +1,243 @@
+//! Families of sensors: what is not known about one, as ranges that it may lie in.
+//!
+//! Objects are taught from meshes by presses of many sensors of the family, so that maps and
+//! calibration include what the description leaves open. Every draw is a complete
+//! description. Ranges of `data_sheet` and `unknown` are chosen, not fitted: the reason
+//! stands at each.
+
+use super::coupling::{Coupling, CoveringEdge, SpreadKernel};
+use super::description::{SensorDescription, SensorParameters};
+use super::force_curve::ForceCurve;
+use crate::rng::Stream;
+use crate::units::MM;
+
+/// Smallest point spread of a description, metres.
+const POINT_SPREAD_MIN: f64 = 0.01 * MM;
+
+/// Segments into which the straight parts of a force curve are cut before it is bent.
+const CURVE_SEGMENTS: usize = 16;
+
+/// Trust in a sensor's description.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SensorKnowledge {
+    /// The numbers were measured on this sensor: presses follow the description exactly.
+    Measured,
+    /// The numbers come from a data sheet: geometry and range are right; spread, edge and
+    /// stiffness may differ.
+    #[default]
+    DataSheet,
+    /// Only the geometry and the range are known.
+    Unknown,
+}
+
+impl SensorKnowledge {
+    /// Every level, best known first.
+    pub const ALL: [Self; 3] = [Self::Measured, Self::DataSheet, Self::Unknown];
+
+    /// Name in the API and on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Measured => "measured",
+            Self::DataSheet => "data_sheet",
+            Self::Unknown => "unknown",
+        }
+    }
+}
+
+/// Ranges of what a description leaves open. A range is (low, high).
+#[derive(Clone, Debug, PartialEq)]
+pub struct SensorRanges {
+    /// Factor on the point spread.
+    pub spread_factor: (f64, f64),
+    /// Shapes of the spread.
+    pub kernels: Vec<SpreadKernel>,
+    /// Extent of the covering beyond the array, in pitches.
+    pub margin_pitches: (f64, f64),
+    /// Effects of the covering's end.
+    pub edges: Vec<CoveringEdge>,
+    /// Cross-talk of neighbours.
+    pub cross_talk: (f64, f64),
+    /// Factor on the pressures of the force curve; drawn evenly in its logarithm.
+    pub stiffness: (f64, f64),
+    /// How much stiffer the covering is at its full indentation than at first touch, as a
+    /// share: 1 is twice as stiff.
+    pub stiffening: (f64, f64),
+    /// Relative standard deviation of the taxels' gains.
+    pub gain_spread: f64,
+    /// Largest relative deviation of a press through hysteresis.
+    pub hysteresis: f64,
+}
+
+impl SensorRanges {
+    /// The ranges of a description from a data sheet.
+    ///
+    /// Chosen: sheets state a covering's thickness, seldom its spread (equation 2.5 holds for
+    /// the dissertation's polyurethane; other layers spread from a third of that to half as
+    /// much again), never its edge, and rarely its modulus to better than a factor of two;
+    /// cross-talk of 10 to 15 % and gains within 10 % are common statements.
+    #[must_use]
+    pub fn data_sheet() -> Self {
+        Self {
+            spread_factor: (0.3, 1.4),
+            kernels: vec![SpreadKernel::Gaussian, SpreadKernel::Exponential],
+            margin_pitches: (0.0, 4.0),
+            edges: CoveringEdge::ALL.to_vec(),
+            cross_talk: (0.0, 0.15),
+            stiffness: (0.5, 2.0),
+            stiffening: (0.0, 1.5),
+            gain_spread: 0.07,
+            hysteresis: 0.05,
+        }
+    }
+
+    /// The ranges when only geometry and range are known: twice as wide as a data sheet's.
+    #[must_use]
+    pub fn unknown() -> Self {
+        Self {
+            spread_factor: (0.1, 2.0),
+            cross_talk: (0.0, 0.25),
+            stiffness: (0.25, 4.0),
+            stiffening: (0.0, 4.0),
+            gain_spread: 0.15,
+            hysteresis: 0.1,
+            ..Self::data_sheet()
+        }
+    }
+}
+
+/// The sensors that a description may stand for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SensorFamily {
+    description: SensorDescription,
+    /// `None`: the description itself.
+    ranges: Option<SensorRanges>,
+}
+
+impl SensorFamily {
+    /// The family of a description at a level of knowledge.
+    #[must_use]
+    pub fn new(description: SensorDescription, knowledge: SensorKnowledge) -> Self {
+        let ranges = match knowledge {
+            SensorKnowledge::Measured => None,
+            SensorKnowledge::DataSheet => Some(SensorRanges::data_sheet()),
+            SensorKnowledge::Unknown => Some(SensorRanges::unknown()),
+        };
+        Self { description, ranges }
+    }
+
+    /// The description that names the family; readings are interpreted by it.
+    #[must_use]
+    pub fn description(&self) -> &SensorDescription {
+        &self.description
+    }
+
+    /// Whether all draws are the description itself.
+    #[must_use]
+    pub fn is_single(&self) -> bool {
+        self.ranges.is_none()
+    }
+
+    /// One sensor of the family: the same grid, range, noise and image order.
+    ///
+    /// # Panics
+    /// Never: draws stay within the limits of a description.
+    #[must_use]
+    pub fn draw(&self, stream: &mut Stream) -> SensorDescription {
+        let Some(ranges) = &self.ranges else { return self.description.clone() };
+        let known = self.description.parameters().clone();
+        let mut within = |(low, high): (f64, f64)| stream.uniform(low, high);
+        let spread = known.point_spread * within(ranges.spread_factor);
+        let margin = known.grid.pitch * within(ranges.margin_pitches);
+        let cross_talk = within(ranges.cross_talk);
+        let stiffness = within((ranges.stiffness.0.ln(), ranges.stiffness.1.ln())).exp();
+        let stiffening = within(ranges.stiffening);
+        let kernel = ranges.kernels[stream.index(ranges.kernels.len())];
+        let edge = ranges.edges[stream.index(ranges.edges.len())];
+        let coupling = Coupling {
+            kernel,
+            margin: Some(margin.min(100.0 * MM)),
+            edge,
+            cross_talk,
+            gain_spread: ranges.gain_spread,
+            hysteresis: ranges.hysteresis,
+        };
+        let force_curve = bent(&known.force_curve, known.covering_thickness, stiffness, stiffening);
+        let parameters = SensorParameters {
+            point_spread: spread.clamp(POINT_SPREAD_MIN, 50.0 * MM),
+            force_curve,
+            coupling,
+            ..known
+        };
+        SensorDescription::new(parameters).expect("a draw is within a description's limits")
+    }
+}
+
+/// A force curve of `stiffness` times the pressures at full indentation (`thickness`, metres)
+/// that is 1 + `stiffening` times as stiff there as at first touch.
+///
+/// # Panics
+/// Never: it rises where `curve` does.
+#[must_use]
+pub fn bent(curve: &ForceCurve, thickness: f64, stiffness: f64, stiffening: f64) -> ForceCurve {
+    let knots = curve.knots();
+    let cuts = (CURVE_SEGMENTS / (knots.len() - 1)).max(1);
+    let pressure = |d: f64| {
+        let share = (1.0 + stiffening * d / thickness) / (1.0 + stiffening);
+        stiffness * share * curve.pressure(d)
+    };
+    let between = |pair: &[(f64, f64)]| {
+        let (from, to) = (pair[0].0, pair[1].0);
+        (1..=cuts).map(move |cut| from + (to - from) * cut as f64 / cuts as f64)
+    };
+    let displacements: Vec<f64> = knots.windows(2).flat_map(between).collect();
+    let bent = displacements.into_iter().map(|d| (d, pressure(d)));
+    ForceCurve::new(std::iter::once((0.0, 0.0)).chain(bent).collect())
+        .expect("a rising curve times a rising share rises")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::Purpose;
+    use crate::units::KPA;
+
+    #[test]
+    fn draws_keep_the_geometry_and_differ_in_what_is_open() {
+        let known = SensorDescription::digitacts_6x6();
+        let family = SensorFamily::new(known.clone(), SensorKnowledge::DataSheet);
+        let mut stream = Stream::new(3, Purpose::SensorFamily, 0);
+        let mut margins = Vec::new();
+        for _ in 0..200 {
+            let drawn = family.draw(&mut stream);
+            let (a, b) = (known.parameters(), drawn.parameters());
+            assert_eq!((a.grid, a.noise, a.image_order), (b.grid, b.noise, b.image_order));
+            assert!((a.saturation - b.saturation).abs() < 1e-9);
+            let factor = b.point_spread / a.point_spread;
+            assert!((0.3..=1.4).contains(&factor), "{factor}");
+            let full = b.force_curve.pressure(b.covering_thickness) / a.saturation;
+            assert!((0.5 - 1e-9..=2.0 + 1e-9).contains(&full), "{full}");
+            margins.push(b.coupling.margin.unwrap());
+        }
+        assert!(margins.iter().any(|m| *m < 1.0 * MM) && margins.iter().any(|m| *m > 7.0 * MM));
+    }
+
+    #[test]
+    fn a_measured_sensor_is_its_own_family() {
+        let known = SensorDescription::digitacts_6x6();
+        let family = SensorFamily::new(known.clone(), SensorKnowledge::Measured);
+        let mut stream = Stream::new(3, Purpose::SensorFamily, 0);
+        assert!(family.is_single());
+        assert_eq!(family.draw(&mut stream), known);
+    }
+
+    #[test]
+    fn a_bent_curve_has_the_stated_stiffness() {
+        // A line to 20 kPa at 2 mm, half as stiff and stiffening by 1: at 2 mm 10 kPa, at
+        // 1 mm 10/2 · (1 + 1/2)/(1 + 1) = 3.75 kPa.
+        let line = ForceCurve::new(vec![(0.0, 0.0), (2.0 * MM, 20.0 * KPA)]).unwrap();
+        let bent = bent(&line, 2.0 * MM, 0.5, 1.0);
+        assert!((bent.pressure(2.0 * MM) - 10.0 * KPA).abs() < 1e-6);
+        assert!((bent.pressure(1.0 * MM) - 3.75 * KPA).abs() < 1e-6);
+    }
+}
