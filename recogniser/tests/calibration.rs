@@ -93,7 +93,7 @@ fn a_calibration_says_what_it_was_learnt_on() {
     let basis = |model: &Arc<SurfaceModel>, n: usize| {
         let held_back: Vec<HeldBack<'_>> = readings[..model.maps().len()]
             .iter()
-            .map(|readings| HeldBack { readings: &readings[..n], sensor: &sensor })
+            .map(|readings| HeldBack { readings: &readings[..n], sensor: &sensor, run: None })
             .collect();
         calibrate(model, &held_back, SurfaceOptions::default(), 1)
     };
@@ -148,7 +148,7 @@ fn calibrated(model: Arc<SurfaceModel>) -> Arc<SurfaceModel> {
     let sensor = six_by_six();
     let unseen: Vec<Vec<Reading>> = (0..model.maps().len()).map(|o| touches_of(o, 15, 4)).collect();
     let held_back: Vec<HeldBack<'_>> =
-        unseen.iter().map(|readings| HeldBack { readings, sensor: &sensor }).collect();
+        unseen.iter().map(|readings| HeldBack { readings, sensor: &sensor, run: None }).collect();
     let calibration = calibrate(&model, &held_back, SurfaceOptions::default(), 1);
     Arc::new(Arc::unwrap_or_clone(model).with_calibration(calibration))
 }

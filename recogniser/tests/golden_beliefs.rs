@@ -170,7 +170,7 @@ fn record_calibration(out: &mut String) {
     let sensor = six_by_six();
     let readings: Vec<Vec<Reading>> = (0..N_OBJECTS).map(|o| touches(o, 12, 4)).collect();
     let held_back: Vec<HeldBack<'_>> =
-        readings.iter().map(|readings| HeldBack { readings, sensor: &sensor }).collect();
+        readings.iter().map(|readings| HeldBack { readings, sensor: &sensor, run: None }).collect();
     let calibration = calibrate(&MODEL, &held_back, SurfaceOptions::default(), 1);
     for (n, stage) in calibration.stages.iter().enumerate() {
         let [a, b, c] = [stage.temperature, stage.unknown, stage.unknown_per_touch];

@@ -6,9 +6,11 @@
 //! shafts. Each attempt has its own stream, so the readings do not depend on the number of
 //! threads.
 
+pub mod family;
 pub mod rays;
 
-use std::ops::ControlFlow;
+use std::borrow::Cow;
+use std::ops::{ControlFlow, Range};
 
 use glam::{DQuat, DVec3};
 use palpate_core::pose::Pose;
@@ -82,6 +84,10 @@ pub enum SampleError {
 /// Maximum attempts between two evaluations of the coverage.
 const BATCH_MAX: usize = 128;
 
+/// Attempts with one sensor of a family. Chosen: a thousand touches then have about a hundred
+/// sensors, and making one takes less time than its touches.
+pub(crate) const TOUCHES_PER_SENSOR: usize = 8;
+
 /// Takes `n` readings of the object, in the mesh's frame, all determined by `seed`.
 ///
 /// `progress` receives the number of readings so far and `n` after every batch, and may stop
@@ -91,6 +97,23 @@ const BATCH_MAX: usize = 128;
 /// [`SampleError`] when too many attempts fail or `progress` stops.
 pub fn sample(
     simulator: &PressSimulator,
+    sensor: SensorId,
+    n: usize,
+    seed: u64,
+    config: &SamplerConfig,
+    progress: &mut dyn FnMut(usize, usize) -> ControlFlow<()>,
+) -> Result<Vec<Reading>, SampleError> {
+    let one = |_: Range<usize>| vec![Cow::Borrowed(simulator)];
+    sample_by(simulator.surface(), &one, sensor, n, seed, config, progress)
+}
+
+/// The simulators of a range of attempts: one for all, or one for every
+/// [`TOUCHES_PER_SENSOR`].
+pub(crate) type Simulators<'a, 'b> = dyn Fn(Range<usize>) -> Vec<Cow<'a, PressSimulator>> + 'b;
+
+pub(crate) fn sample_by(
+    surface: &Surface,
+    simulators: &Simulators<'_, '_>,
     sensor: SensorId,
     n: usize,
     seed: u64,
@@ -107,18 +130,22 @@ pub fn sample(
             return Err(SampleError::TooFewTouches { accepted, wanted: n, attempts });
         }
         let batch = (n - readings.len()).min(BATCH_MAX);
+        let drawn = simulators(attempts..attempts + batch);
+        let first = attempts / TOUCHES_PER_SENSOR;
         let outcomes: Vec<(Option<usize>, Option<Reading>)> = (attempts..attempts + batch)
             .into_par_iter()
             .map(|attempt| {
                 let mut stream = Stream::new(seed, Purpose::Sampling, attempt as u64);
                 let slice = coverage.choose(&mut stream);
-                let place = simulator.surface().draw(slice, &mut stream);
+                let place = surface.draw(slice, &mut stream);
+                let simulator =
+                    drawn.get(attempt / TOUCHES_PER_SENSOR - first).unwrap_or(&drawn[0]);
                 (slice, touch_at(simulator, sensor, &place, config, &mut stream))
             })
             .collect();
         attempts += batch;
         for (slice, reading) in outcomes {
-            coverage.add(simulator.surface(), slice, reading.as_ref());
+            coverage.add(surface, slice, reading.as_ref());
             readings.extend(reading);
         }
         if progress(readings.len(), n).is_break() {

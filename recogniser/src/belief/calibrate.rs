@@ -49,6 +49,9 @@ pub struct HeldBack<'a> {
     pub readings: &'a [Reading],
     /// Their sensor.
     pub sensor: &'a SensorDescription,
+    /// Number of consecutive readings that one sensor of a family took: a trial has the
+    /// readings of one such run. `None`: all are of one sensor.
+    pub run: Option<usize>,
 }
 
 /// Evidence of a trial's touches for one object.
@@ -126,7 +129,10 @@ pub fn calibrate(
 
 /// The readings of a trial, none of them twice.
 fn drawn<'a>(held_back: &HeldBack<'a>, mut stream: Stream) -> Vec<&'a Reading> {
-    let mut left: Vec<&Reading> = held_back.readings.iter().collect();
+    let runs = held_back.run.map_or(1, |run| (held_back.readings.len() / run).max(1));
+    let run = held_back.readings.len() / runs;
+    let first = if runs > 1 { stream.index(runs) * run } else { 0 };
+    let mut left: Vec<&Reading> = held_back.readings[first..first + run].iter().collect();
     let n = READINGS.min(left.len());
     (0..n).map(|_| left.swap_remove(stream.index(left.len()))).collect()
 }

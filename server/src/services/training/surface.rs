@@ -157,12 +157,16 @@ fn held_back<'a>(materials: &'a [Material], splits: &'a [Split]) -> Vec<HeldBack
     let of = |(split, material): (&'a Split, &'a Material)| HeldBack {
         readings: &split.held_back,
         sensor: material.parts().1,
+        run: None,
     };
     splits.iter().zip(materials).map(of).collect()
 }
 
 fn by_object(unseen: &[Unseen]) -> Vec<HeldBack<'_>> {
-    unseen.iter().map(|one| HeldBack { readings: &one.readings, sensor: &one.sensor }).collect()
+    unseen
+        .iter()
+        .map(|one| HeldBack { readings: &one.readings, sensor: &one.sensor, run: None })
+        .collect()
 }
 
 /// The model with a calibration learnt on held-out readings.

@@ -1,0 +1,133 @@
+//! Training touches by the many sensors that a description may stand for.
+//!
+//! A map must not depend on what is unknown about the sensor, so its touches are spread over
+//! the family. A session has one sensor, so readings for calibration come in runs of one.
+
+use std::borrow::Cow;
+use std::ops::{ControlFlow, Range};
+
+use palpate_core::reading::{Reading, SensorId};
+use palpate_core::rng::{Purpose, Stream};
+use palpate_core::sensor::SensorFamily;
+
+use super::{SampleError, SamplerConfig, TOUCHES_PER_SENSOR, sample, sample_by};
+use crate::press::PressSimulator;
+
+/// Takes `n` readings as [`sample`] does, but every few attempts with another sensor of the
+/// family. `simulator` has the family's description.
+///
+/// # Errors
+/// [`SampleError`] when too many attempts fail or `progress` stops.
+pub fn sample_family(
+    simulator: &PressSimulator,
+    family: &SensorFamily,
+    sensor: SensorId,
+    n: usize,
+    seed: u64,
+    config: &SamplerConfig,
+    progress: &mut dyn FnMut(usize, usize) -> ControlFlow<()>,
+) -> Result<Vec<Reading>, SampleError> {
+    if family.is_single() {
+        return sample(simulator, sensor, n, seed, config, progress);
+    }
+    let drawn = |attempts: Range<usize>| {
+        let sensors =
+            attempts.start / TOUCHES_PER_SENSOR..attempts.end.div_ceil(TOUCHES_PER_SENSOR);
+        sensors.map(|index| Cow::Owned(one_of(simulator, family, seed, index as u64))).collect()
+    };
+    sample_by(simulator.surface(), &drawn, sensor, n, seed, config, progress)
+}
+
+/// Takes `runs` runs of `touches` readings, each run with one sensor of the family.
+///
+/// # Errors
+/// [`SampleError`] when too many attempts fail or `progress`, called once a run, stops.
+pub fn sample_runs(
+    simulator: &PressSimulator,
+    family: &SensorFamily,
+    sensor: SensorId,
+    (runs, touches): (usize, usize),
+    seed: u64,
+    config: &SamplerConfig,
+    progress: &mut dyn FnMut(usize, usize) -> ControlFlow<()>,
+) -> Result<Vec<Reading>, SampleError> {
+    let mut readings = Vec::with_capacity(runs * touches);
+    for run in 0..runs {
+        // Streams that no training touch of this seed uses.
+        let seed = (!seed).wrapping_add((run as u64) << 32);
+        let pressed = one_of(simulator, family, seed, run as u64);
+        let mut go_on = |_: usize, _: usize| ControlFlow::Continue(());
+        readings.extend(sample(&pressed, sensor, touches, seed, config, &mut go_on)?);
+        if progress(readings.len(), runs * touches).is_break() {
+            let (accepted, wanted) = (readings.len(), runs * touches);
+            return Err(SampleError::Stopped { accepted, wanted });
+        }
+    }
+    Ok(readings)
+}
+
+/// The object of `simulator` pressed by the sensor of a family with the given index.
+#[must_use]
+pub fn one_of(
+    simulator: &PressSimulator,
+    family: &SensorFamily,
+    seed: u64,
+    index: u64,
+) -> PressSimulator {
+    let mut stream = Stream::new(seed, Purpose::SensorFamily, index);
+    let drawn = family.draw(&mut stream);
+    simulator.with_sensor(drawn, &mut stream)
+}
+
+#[cfg(test)]
+mod tests {
+    use palpate_core::sensor::{SensorDescription, SensorKnowledge};
+    use palpate_core::units::MM;
+
+    use super::*;
+    use crate::mesh::tests_support::sphere;
+
+    fn family(knowledge: SensorKnowledge) -> SensorFamily {
+        SensorFamily::new(SensorDescription::digitacts_6x6(), knowledge)
+    }
+
+    fn sampled(knowledge: SensorKnowledge, n: usize) -> Vec<Reading> {
+        let simulator =
+            PressSimulator::new(sphere(20.0 * MM, 60), SensorDescription::digitacts_6x6());
+        let config = SamplerConfig::for_simulator(&simulator);
+        let mut go_on = |_: usize, _: usize| ControlFlow::Continue(());
+        let family = family(knowledge);
+        sample_family(&simulator, &family, SensorId(0), n, 7, &config, &mut go_on).unwrap()
+    }
+
+    /// Standard deviation over readings of the sensor's distance from a sphere's surface, m.
+    fn depth_deviation(readings: &[Reading]) -> f64 {
+        let depths: Vec<f64> = readings
+            .iter()
+            .map(|r| 20.0 * MM - r.session_from_sensor().translation.length())
+            .collect();
+        let mean = depths.iter().sum::<f64>() / depths.len() as f64;
+        (depths.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / depths.len() as f64).sqrt()
+    }
+
+    #[test]
+    fn softer_and_stiffer_sensors_come_to_rest_at_other_depths() {
+        let [one, many] = [SensorKnowledge::Measured, SensorKnowledge::DataSheet]
+            .map(|knowledge| depth_deviation(&sampled(knowledge, 64)));
+        assert!(one < 0.1 * MM && many > 0.2 * MM, "{one} m and {many} m");
+    }
+
+    #[test]
+    fn a_run_is_of_one_sensor() {
+        let simulator =
+            PressSimulator::new(sphere(20.0 * MM, 60), SensorDescription::digitacts_6x6());
+        let config = SamplerConfig::for_simulator(&simulator);
+        let mut go_on = |_: usize, _: usize| ControlFlow::Continue(());
+        let family = family(SensorKnowledge::DataSheet);
+        let readings =
+            sample_runs(&simulator, &family, SensorId(0), (4, 8), 7, &config, &mut go_on).unwrap();
+        assert_eq!(readings.len(), 32);
+        let within: f64 = readings.chunks(8).map(depth_deviation).sum::<f64>() / 4.0;
+        assert!(within < 0.5 * depth_deviation(&readings), "{within} m");
+    }
+}
