@@ -20,6 +20,11 @@ pub enum Disturbance {
         /// Standard deviation of a rotation about a random axis through the sensor, rad.
         angle: f64,
     },
+    /// The tool centre is not where the robot has it, by a constant in the sensor's frame.
+    Tool {
+        /// Distance between the true and the stated tool centre, metres, in a random direction.
+        offset: f64,
+    },
     /// The object moves between any two readings; the motions accumulate.
     Moving(Perturbation),
     /// Robots take turns; the base of each but the first has an error that is constant over its
@@ -66,6 +71,7 @@ impl Disturbance {
     ) -> Vec<Presented> {
         let mut place = session_from_object;
         let bases = self.bases(place.translation, stream);
+        let tool = self.tool(stream);
         let mut presented = Vec::with_capacity(readings.len());
         for (before, reading) in readings.into_iter().enumerate() {
             // The objects of experiments have their centre at their origin.
@@ -89,11 +95,24 @@ impl Disturbance {
                     let base = Base { robot: robot as u32, looseness };
                     if *is_told { heard.with_base(base) } else { heard }
                 }
+                Self::Tool { .. } => {
+                    let stated = felt.session_from_sensor();
+                    let off = stated * Pose::from_parts(DQuat::IDENTITY, tool);
+                    felt.moved_by(off * stated.inverse())
+                }
                 Self::None | Self::Moving(_) | Self::Jolt { .. } => felt,
             };
             presented.push(Presented { reading, session_from_object: place, moved });
         }
         presented
+    }
+
+    /// The error of the tool centre in the sensor's frame, metres.
+    fn tool(&self, stream: &mut Stream) -> DVec3 {
+        match self {
+            Self::Tool { offset } if *offset > 0.0 => *offset * stream.direction(),
+            _ => DVec3::ZERO,
+        }
     }
 
     /// Transforms from the stated to the true poses of the robots' bases, rotated about the

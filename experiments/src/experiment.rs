@@ -17,6 +17,7 @@ use crate::letters_geometric::{self, LettersGeometric};
 use crate::next_touch::{self, NextTouch};
 use crate::object_trials::ObjectTrials;
 use crate::other_physics::{self, OtherPhysics};
+use crate::other_worlds::{self, OtherWorlds};
 use crate::ppf_peer::{self, PpfPeer};
 use crate::real_frames::{self, RealFrames};
 use crate::report::{Outcome, Progress};
@@ -76,6 +77,8 @@ pub enum Experiment {
     Unknown(Unknown),
     /// Trained on the point spread, tested on elastic coverings.
     OtherPhysics(OtherPhysics),
+    /// Trained from meshes, tested with other coverings, stiffness and tool centres.
+    OtherWorlds(OtherWorlds),
     /// Noise, errors of the arm's pose, moving objects, and sensors other than in training.
     SurfaceNoise(SurfaceNoise),
     /// Accuracy with fewer touches kept of each object, farthest first and at random.
@@ -128,6 +131,7 @@ impl Experiment {
             Self::NextTouch(config) => next_touch::run(config, progress),
             Self::Unknown(config) => unknown::run(config, progress),
             Self::OtherPhysics(config) => other_physics::run(config, progress),
+            Self::OtherWorlds(config) => other_worlds::run(config, progress),
             Self::SurfaceNoise(config) => surface_noise::run(config, progress),
             Self::Thinning(config) => thinning::run(config, progress),
             Self::SolidGeometry(config) => solid_geometry::run(config, progress),

@@ -35,6 +35,7 @@ pub mod exploration;
 pub mod letters_appearance;
 pub mod noise;
 pub mod other_physics;
+pub mod other_worlds;
 pub mod perturbation;
 pub mod ppf_peer;
 pub mod real_frames;

@@ -170,7 +170,7 @@ pub fn train_calibrated(
     let model = train_surface(&part(false), symmetries, sensor, surface, seed)?;
     let held_back = part(true);
     let sets: Vec<HeldBack<'_>> =
-        held_back.iter().map(|readings| HeldBack { readings, sensor }).collect();
+        held_back.iter().map(|readings| HeldBack { readings, sensor, run: None }).collect();
     let calibration = calibrate(&model, &sets, SurfaceOptions::default(), seed);
     Ok(Arc::new(Arc::unwrap_or_clone(model).with_calibration(calibration)))
 }

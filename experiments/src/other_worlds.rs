@@ -1,0 +1,356 @@
+//! Trained from meshes, touched in other worlds: sensors whose covering, stiffness or tool
+//! centre are not those of the description.
+//!
+//! The same objects are taught twice: by the sensor exactly as described (the method before
+//! sensors had families), and by the family of sensors that a data sheet leaves open. Both
+//! then play the same sessions in every world, with known and with foreign objects. Worlds are
+//! chosen by what real arrays differ in and are not draws of the family.
+
+mod worlds;
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+use anyhow::Context as _;
+use clap::Args;
+use palpate_core::reading::{Reading, SensorId};
+use palpate_core::sensor::{SensorDescription, SensorFamily, SensorKnowledge};
+use palpate_core::symmetry::Symmetry;
+use palpate_core::units::MM;
+use palpate_recogniser::belief::calibrate::{HeldBack, calibrate};
+use palpate_recogniser::model::SurfaceModel;
+use palpate_recogniser::options::SurfaceOptions;
+use palpate_recogniser::train::SurfaceConfig;
+use palpate_sim::plot::{Line, Panel, svg};
+use palpate_sim::press::PressSimulator;
+use palpate_sim::sampler::SamplerConfig;
+use palpate_sim::sampler::family::{sample_family, sample_runs};
+use palpate_sim::shapes::assembled;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::arguments::{ObjectSet, count};
+use crate::disturbance::Disturbance;
+use crate::object_sessions::{Recogniser, Sessions, train_surface};
+use crate::objects::{self, TestObject};
+use crate::played::Played;
+use crate::report::{Outcome, Progress, Report};
+use crate::stated::auroc;
+use crate::statistics::median;
+use worlds::World;
+
+/// Numbers of readings whose figures the summary states.
+const STATED_AT: [usize; 6] = [2, 3, 4, 6, 8, 10];
+
+/// Readings of a trial of the calibration.
+const CALIBRATION_READINGS: usize = 8;
+/// Trials of the calibration, of all objects together.
+const CALIBRATION_TRIALS: usize = 400;
+
+/// Arguments of `other-worlds`.
+#[derive(Args, Clone, Debug, Serialize)]
+pub struct OtherWorlds {
+    /// The objects that are taught and touched.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub objects: ObjectSet,
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Sessions per object in each world.
+    #[arg(long, default_value_t = 10, value_parser = count)]
+    pub trials: usize,
+    /// Objects that are touched and never taught.
+    #[arg(long, default_value_t = 10, value_parser = count)]
+    pub foreign: usize,
+    /// Training readings per object.
+    #[arg(long, default_value_t = 1_000, value_parser = count)]
+    pub train_readings: usize,
+    /// Test readings per object in each world.
+    #[arg(long, default_value_t = 60, value_parser = count)]
+    pub test_readings: usize,
+    /// Readings per session.
+    #[arg(long, default_value_t = 10, value_parser = count)]
+    pub readings: usize,
+    /// Errors of the tool centre, millimetres, beside none.
+    #[arg(long, value_delimiter = ',', default_value = "1,2,3")]
+    pub tool_mm: Vec<f64>,
+    /// Worlds to touch in; all unless given.
+    #[arg(long, value_delimiter = ',')]
+    pub worlds: Vec<String>,
+}
+
+/// A catalogue that is put to the test.
+struct Taught {
+    method: &'static str,
+    recogniser: Recogniser,
+}
+
+/// Sessions of one method in one world.
+struct Tried {
+    method: &'static str,
+    world: String,
+    tool_mm: f64,
+    known: Played,
+    foreign: Played,
+}
+
+/// Runs the experiment; gives the report and its plot.
+///
+/// # Errors
+/// When objects cannot be loaded or touched, or training fails.
+pub fn run(config: &OtherWorlds, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+    let objects = config.objects.load()?;
+    let foreign = foreign(config)?;
+    let described = SensorDescription::digitacts_6x6();
+    let symmetries = objects::symmetries(&objects);
+    let mut taught = Vec::new();
+    for (method, knowledge) in
+        [("as_described", SensorKnowledge::Measured), ("data_sheet", SensorKnowledge::DataSheet)]
+    {
+        progress(method, 0, 1);
+        let family = SensorFamily::new(described.clone(), knowledge);
+        let model = teach(config, &objects, &symmetries, &family)?;
+        let options = SurfaceOptions::default();
+        taught.push(Taught { method, recogniser: Recogniser::Surface { model, options } });
+    }
+    let all = worlds::all(&described);
+    let wanted: Vec<&World> = all
+        .iter()
+        .filter(|world| config.worlds.is_empty() || config.worlds.contains(&world.name.to_owned()))
+        .collect();
+    anyhow::ensure!(
+        !wanted.is_empty(),
+        "no world is named {}, expected some of {}",
+        config.worlds.join(", "),
+        all.iter().map(|world| world.name).collect::<Vec<_>>().join(", ")
+    );
+    let mut tried = Vec::new();
+    for (done, world) in wanted.iter().enumerate() {
+        progress("worlds", done, wanted.len());
+        tried.extend(try_in(config, world, &objects, &foreign, &symmetries, &taught)?);
+    }
+    let mut report = Report::default();
+    for one in &tried {
+        report_one(&mut report, config, one);
+    }
+    for method in &taught {
+        report_worst(&mut report, config, method.method, &tried);
+    }
+    Ok(Outcome { report, plot: svg(&panels(config, &tried)), pictures: Vec::new() })
+}
+
+/// Objects that are never taught, as large as the others.
+fn foreign(config: &OtherWorlds) -> anyhow::Result<Vec<TestObject>> {
+    let of = |index: usize| {
+        let mesh = assembled(config.seed, index as u64)
+            .with_context(|| format!("procedural object {index} never hangs together"))?;
+        Ok(TestObject::new(format!("assembled {index}"), &mesh, config.objects.size()))
+    };
+    (0..config.foreign).map(of).collect()
+}
+
+/// Teaches all objects by presses of a family of sensors, as the service does from meshes.
+fn teach(
+    config: &OtherWorlds,
+    objects: &[TestObject],
+    symmetries: &[Symmetry],
+    family: &SensorFamily,
+) -> anyhow::Result<Arc<SurfaceModel>> {
+    let runs = CALIBRATION_TRIALS.div_ceil(objects.len());
+    let touched = |object: &TestObject| -> anyhow::Result<(Vec<Reading>, Vec<Reading>)> {
+        let sensor = family.description().clone();
+        let simulator = PressSimulator::new(object.mesh.clone(), sensor);
+        let (sampler, seed, id) =
+            (SamplerConfig::for_simulator(&simulator), 2 * config.seed, SensorId(0));
+        let mut go_on = |_: usize, _: usize| ControlFlow::Continue(());
+        let n = config.train_readings;
+        let train = sample_family(&simulator, family, id, n, seed, &sampler, &mut go_on)?;
+        let runs = (runs, CALIBRATION_READINGS);
+        let held_back = sample_runs(&simulator, family, id, runs, seed, &sampler, &mut go_on)?;
+        Ok((train, held_back))
+    };
+    let both: Vec<(Vec<Reading>, Vec<Reading>)> =
+        objects.par_iter().map(touched).collect::<anyhow::Result<_>>()?;
+    let (train, held_back): (Vec<_>, Vec<_>) = both.into_iter().unzip();
+    let sensor = family.description();
+    let model = train_surface(&train, symmetries, sensor, &SurfaceConfig::default(), config.seed)?;
+    let run = Some(CALIBRATION_READINGS);
+    let sets: Vec<HeldBack<'_>> =
+        held_back.iter().map(|readings| HeldBack { readings, sensor, run }).collect();
+    let calibration = calibrate(&model, &sets, SurfaceOptions::default(), config.seed);
+    Ok(Arc::new(Arc::unwrap_or_clone(model).with_calibration(calibration)))
+}
+
+/// Plays the sessions of one world with every method and every error of the tool centre.
+fn try_in(
+    config: &OtherWorlds,
+    world: &World,
+    objects: &[TestObject],
+    foreign: &[TestObject],
+    symmetries: &[Symmetry],
+    taught: &[Taught],
+) -> anyhow::Result<Vec<Tried>> {
+    let (n, seed) = (config.test_readings, 2 * config.seed + 1);
+    let known = world.sensing.touch_all(objects, n, seed)?;
+    let others = world.sensing.touch_all(foreign, n, seed)?;
+    let none = vec![Symmetry::NONE; foreign.len()];
+    let tools = std::iter::once(0.0).chain(config.tool_mm.iter().copied());
+    let cases: Vec<(f64, &Taught)> =
+        tools.flat_map(|tool| taught.iter().map(move |one| (tool, one))).collect();
+    let play = |(tool_mm, taught): &(f64, &Taught)| {
+        let sessions = |test, symmetries, readings| Sessions {
+            sensor: &world.read_as,
+            test,
+            symmetries,
+            seed: config.seed,
+            readings,
+            threads: 1,
+            disturbance: Disturbance::Tool { offset: tool_mm * MM },
+        };
+        let silent: Progress<'_> = &|_, _, _| ();
+        let trials = config.trials * objects.len();
+        let known = sessions(&known, symmetries, config.readings).play(
+            &taught.recogniser,
+            objects.len(),
+            trials,
+            silent,
+        )?;
+        let foreign = sessions(&others, &none, config.readings).play(
+            &taught.recogniser,
+            foreign.len(),
+            trials,
+            silent,
+        )?;
+        let (method, world) = (taught.method, world.name.to_owned());
+        Ok(Tried { method, world, tool_mm: *tool_mm, known, foreign })
+    };
+    cases.par_iter().map(play).collect()
+}
+
+/// The figures of one method in one world after some number of readings.
+#[derive(Serialize)]
+struct Row {
+    tool_mm: f64,
+    readings: usize,
+    sessions: usize,
+    accuracy: f64,
+    unknown_mean: f64,
+    foreign_unknown_mean: f64,
+    auroc: f64,
+    position_error_mm_median: f64,
+}
+
+impl Tried {
+    fn row(&self, readings: usize) -> Row {
+        let scored = |played: &Played, is_foreign| -> Vec<(f64, bool)> {
+            played.after(readings).map(|step| (step.unknown, is_foreign)).collect()
+        };
+        let both = [scored(&self.known, false), scored(&self.foreign, true)].concat();
+        Row {
+            tool_mm: self.tool_mm,
+            readings,
+            sessions: self.known.after(readings).count(),
+            accuracy: self.known.accuracy(readings),
+            unknown_mean: self.known.unknown(readings),
+            foreign_unknown_mean: self.foreign.unknown(readings),
+            auroc: auroc(&both),
+            position_error_mm_median: median(&self.known.errors(readings, |e| e.translation / MM)),
+        }
+    }
+}
+
+fn report_one(report: &mut Report, config: &OtherWorlds, one: &Tried) {
+    for readings in STATED_AT.into_iter().filter(|n| *n <= config.readings) {
+        let labels = [("world", one.world.as_str()), ("method", one.method)];
+        report.labelled(&labels, one.row(readings));
+    }
+}
+
+/// The worst world of a method, with a right tool centre and with each wrong one.
+fn report_worst(report: &mut Report, config: &OtherWorlds, method: &str, tried: &[Tried]) {
+    let prefix = if method == "data_sheet" { String::new() } else { format!("{method}_") };
+    let tools = std::iter::once(0.0).chain(config.tool_mm.iter().copied());
+    for tool_mm in tools {
+        let of_tool = |one: &&Tried| one.method == method && (one.tool_mm - tool_mm).abs() < 1e-9;
+        let infix = if tool_mm > 0.0 { format!("tool_{tool_mm}_mm_") } else { String::new() };
+        for readings in STATED_AT.into_iter().filter(|n| *n <= config.readings) {
+            let rows: Vec<Row> = tried.iter().filter(of_tool).map(|o| o.row(readings)).collect();
+            let mut state = |key: &str, values: &dyn Fn(&Row) -> f64, is_high_bad: bool| {
+                let values = rows.iter().map(values);
+                let worst = if is_high_bad {
+                    values.fold(f64::NEG_INFINITY, f64::max)
+                } else {
+                    values.fold(f64::INFINITY, f64::min)
+                };
+                report.summarise(&format!("{prefix}{infix}worst_world_{key}_at_{readings}"), worst);
+            };
+            state("accuracy", &|row| row.accuracy, false);
+            state("unknown", &|row| row.unknown_mean, true);
+            state("auroc", &|row| row.auroc, false);
+            state("position_error_mm", &|row| row.position_error_mm_median, true);
+        }
+    }
+    for one in tried.iter().filter(|one| one.method == method && one.world == "matched") {
+        for readings in STATED_AT.into_iter().filter(|n| *n <= config.readings) {
+            if one.tool_mm < 1e-9 {
+                let key = format!("{prefix}matched_accuracy_at_{readings}");
+                report.summarise(&key, one.known.accuracy(readings));
+            }
+        }
+    }
+}
+
+fn panels(config: &OtherWorlds, tried: &[Tried]) -> Vec<Panel> {
+    let panel = |title: &str, y: &str, method: &str, value: &dyn Fn(&Row) -> f64| {
+        let of = |one: &&Tried| one.method == method && one.tool_mm < 1e-9;
+        let line = |one: &Tried| Line {
+            name: one.world.replace('_', " "),
+            points: (1..=config.readings).map(|n| (n as f64, value(&one.row(n)))).collect(),
+        };
+        let lines = tried.iter().filter(of).map(line).collect();
+        Panel { title: title.to_owned(), x: "readings".to_owned(), y: y.to_owned(), lines }
+    };
+    let accuracy = |row: &Row| row.accuracy;
+    let unknown = |row: &Row| row.unknown_mean;
+    vec![
+        panel("taught as described", "share right", "as_described", &accuracy),
+        panel("taught by a family", "share right", "data_sheet", &accuracy),
+        panel("none of these, as described", "mean probability", "as_described", &unknown),
+        panel("none of these, family", "mean probability", "data_sheet", &unknown),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arguments::defaults;
+
+    #[test]
+    fn a_small_run_states_the_worst_world() {
+        let config = OtherWorlds {
+            seed: 101,
+            trials: 1,
+            foreign: 3,
+            train_readings: 200,
+            test_readings: 8,
+            readings: 4,
+            tool_mm: vec![2.0],
+            worlds: vec!["matched".to_owned(), "ends_normalised".to_owned()],
+            ..defaults()
+        };
+        let outcome = run(&config, &|_, _, _| ()).unwrap();
+        let summary = &outcome.report.summary;
+        for key in [
+            "worst_world_accuracy_at_4",
+            "as_described_worst_world_unknown_at_4",
+            "tool_2_mm_worst_world_auroc_at_4",
+            "matched_accuracy_at_4",
+        ] {
+            assert!(summary.contains_key(key), "{key}: {summary:?}");
+        }
+        assert!(summary["as_described_matched_accuracy_at_4"] >= 0.7, "{summary:?}");
+        let wrong = OtherWorlds { worlds: vec!["moon".to_owned()], ..config };
+        assert!(run(&wrong, &|_, _, _| ()).err().unwrap().to_string().contains("moon"));
+    }
+}
