@@ -1,3 +1,5 @@
+//! Tests of presses, on bodies whose images can be computed by hand.
+
 use glam::{DQuat, DVec3};
 use palpate_core::rng::Purpose;
 use palpate_core::sensor::{Coupling, CoveringEdge, TaxelGrid};
