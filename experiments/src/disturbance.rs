@@ -20,7 +20,7 @@ pub enum Disturbance {
         /// Standard deviation of a rotation about a random axis through the sensor, rad.
         angle: f64,
     },
-    /// The tool centre is not where the robot has it, by a constant in the sensor's frame.
+    /// The stated tool centre is wrong, by a constant in the sensor's frame.
     Tool {
         /// Distance between the true and the stated tool centre, metres, in a random direction.
         offset: f64,
@@ -200,6 +200,24 @@ mod tests {
         let mut stream = Stream::new(2, Purpose::Perturbation, 0);
         let rests = Disturbance::None.present(readings(3), Pose::IDENTITY, &mut stream);
         assert!(rests.iter().all(|heard| heard.reading.session_from_sensor() == own));
+    }
+
+    #[test]
+    fn a_wrong_tool_centre_is_off_by_a_constant_in_the_sensor_s_frame() {
+        let tool = Disturbance::Tool { offset: 3.0 * MM };
+        let mut turned = readings(2);
+        turned[1] = turned[1].moved_by(Pose::from_parts(DQuat::from_rotation_y(2.0), DVec3::Z));
+        let place = Pose::from_parts(DQuat::from_rotation_z(1.0), DVec3::new(0.3, 0.0, 0.1));
+        let true_poses: Vec<Pose> =
+            turned.iter().map(|reading| place * reading.session_from_sensor()).collect();
+        let mut stream = Stream::new(5, Purpose::Perturbation, 0);
+        let heard = tool.present(turned, place, &mut stream);
+        let off = |n: usize| {
+            let stated = heard[n].reading.session_from_sensor();
+            true_poses[n].inverse() * stated.translation
+        };
+        assert!((off(0).length() - 3.0 * MM).abs() < 1e-12);
+        assert!(off(0).distance(off(1)) < 1e-12);
     }
 
     #[test]

@@ -1,10 +1,9 @@
-//! Trained from meshes, touched in other worlds: sensors whose covering, stiffness or tool
-//! centre are not those of the description.
+//! Trained from meshes, tested with sensors whose covering, stiffness or tool centre differ from
+//! the description.
 //!
-//! The same objects are taught twice: by the sensor exactly as described (the method before
-//! sensors had families), and by the family of sensors that a data sheet leaves open. Both
-//! then play the same sessions in every world, with known and with foreign objects. Worlds are
-//! chosen by what real arrays differ in and are not draws of the family.
+//! Two catalogues of the same objects play the same sessions in every world, with known and
+//! foreign objects. One is trained by the sensor exactly as described, which is how the service
+//! trains; the other by a family of sensors that one data sheet may stand for.
 
 mod worlds;
 
@@ -17,7 +16,7 @@ use palpate_core::reading::{Reading, SensorId};
 use palpate_core::sensor::{SensorDescription, SensorFamily, SensorKnowledge};
 use palpate_core::symmetry::Symmetry;
 use palpate_core::units::MM;
-use palpate_recogniser::belief::calibrate::{HeldBack, calibrate};
+use palpate_recogniser::belief::calibrate::{self, HeldBack, calibrate};
 use palpate_recogniser::model::SurfaceModel;
 use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::SurfaceConfig;
@@ -42,15 +41,10 @@ use worlds::World;
 /// Numbers of readings whose figures the summary states.
 const STATED_AT: [usize; 6] = [2, 3, 4, 6, 8, 10];
 
-/// Readings of a trial of the calibration.
-const CALIBRATION_READINGS: usize = 8;
-/// Trials of the calibration, of all objects together.
-const CALIBRATION_TRIALS: usize = 400;
-
 /// Arguments of `other-worlds`.
 #[derive(Args, Clone, Debug, Serialize)]
 pub struct OtherWorlds {
-    /// The objects that are taught and touched.
+    /// The objects of the catalogue.
     #[command(flatten)]
     #[serde(flatten)]
     pub objects: ObjectSet,
@@ -60,7 +54,7 @@ pub struct OtherWorlds {
     /// Sessions per object in each world.
     #[arg(long, default_value_t = 10, value_parser = count)]
     pub trials: usize,
-    /// Objects that are touched and never taught.
+    /// Objects that are touched but not in the catalogue.
     #[arg(long, default_value_t = 10, value_parser = count)]
     pub foreign: usize,
     /// Training readings per object.
@@ -75,13 +69,13 @@ pub struct OtherWorlds {
     /// Errors of the tool centre, millimetres, beside none.
     #[arg(long, value_delimiter = ',', default_value = "1,2,3")]
     pub tool_mm: Vec<f64>,
-    /// Worlds to touch in; all unless given.
+    /// Worlds to test in; all unless given.
     #[arg(long, value_delimiter = ',')]
     pub worlds: Vec<String>,
 }
 
-/// A catalogue that is put to the test.
-struct Taught {
+/// A trained catalogue.
+struct Trained {
     method: &'static str,
     recogniser: Recogniser,
 }
@@ -104,43 +98,41 @@ pub fn run(config: &OtherWorlds, progress: Progress<'_>) -> anyhow::Result<Outco
     let foreign = foreign(config)?;
     let described = SensorDescription::digitacts_6x6();
     let symmetries = objects::symmetries(&objects);
-    let mut taught = Vec::new();
+    let mut trained = Vec::new();
     for (method, knowledge) in
         [("as_described", SensorKnowledge::Measured), ("data_sheet", SensorKnowledge::DataSheet)]
     {
         progress(method, 0, 1);
         let family = SensorFamily::new(described.clone(), knowledge);
-        let model = teach(config, &objects, &symmetries, &family)?;
+        let model = train(config, &objects, &symmetries, &family)?;
         let options = SurfaceOptions::default();
-        taught.push(Taught { method, recogniser: Recogniser::Surface { model, options } });
+        trained.push(Trained { method, recogniser: Recogniser::Surface { model, options } });
     }
     let all = worlds::all(&described);
-    let wanted: Vec<&World> = all
-        .iter()
-        .filter(|world| config.worlds.is_empty() || config.worlds.contains(&world.name.to_owned()))
-        .collect();
-    anyhow::ensure!(
-        !wanted.is_empty(),
-        "no world is named {}, expected some of {}",
-        config.worlds.join(", "),
-        all.iter().map(|world| world.name).collect::<Vec<_>>().join(", ")
-    );
+    let names: Vec<&str> = all.iter().map(|world| world.name).collect();
+    if let Some(unknown) = config.worlds.iter().find(|name| !names.contains(&name.as_str())) {
+        anyhow::bail!("no world is named {unknown}, expected some of {}", names.join(", "));
+    }
+    let is_wanted = |world: &&World| {
+        config.worlds.is_empty() || config.worlds.iter().any(|name| name == world.name)
+    };
+    let wanted: Vec<&World> = all.iter().filter(is_wanted).collect();
     let mut tried = Vec::new();
     for (done, world) in wanted.iter().enumerate() {
         progress("worlds", done, wanted.len());
-        tried.extend(try_in(config, world, &objects, &foreign, &symmetries, &taught)?);
+        tried.extend(try_in(config, world, &objects, &foreign, &symmetries, &described, &trained)?);
     }
     let mut report = Report::default();
     for one in &tried {
         report_one(&mut report, config, one);
     }
-    for method in &taught {
+    for method in &trained {
         report_worst(&mut report, config, method.method, &tried);
     }
     Ok(Outcome { report, plot: svg(&panels(config, &tried)), pictures: Vec::new() })
 }
 
-/// Objects that are never taught, as large as the others.
+/// Objects that are not in the catalogue, as large as the others.
 fn foreign(config: &OtherWorlds) -> anyhow::Result<Vec<TestObject>> {
     let of = |index: usize| {
         let mesh = assembled(config.seed, index as u64)
@@ -150,14 +142,14 @@ fn foreign(config: &OtherWorlds) -> anyhow::Result<Vec<TestObject>> {
     (0..config.foreign).map(of).collect()
 }
 
-/// Teaches all objects by presses of a family of sensors, as the service does from meshes.
-fn teach(
+/// Trains all objects by simulated presses of a family of sensors, and calibrates.
+fn train(
     config: &OtherWorlds,
     objects: &[TestObject],
     symmetries: &[Symmetry],
     family: &SensorFamily,
 ) -> anyhow::Result<Arc<SurfaceModel>> {
-    let runs = CALIBRATION_TRIALS.div_ceil(objects.len());
+    let runs = calibrate::TRIALS.div_ceil(objects.len());
     let touched = |object: &TestObject| -> anyhow::Result<(Vec<Reading>, Vec<Reading>)> {
         let sensor = family.description().clone();
         let simulator = PressSimulator::new(object.mesh.clone(), sensor);
@@ -165,17 +157,18 @@ fn teach(
             (SamplerConfig::for_simulator(&simulator), 2 * config.seed, SensorId(0));
         let mut go_on = |_: usize, _: usize| ControlFlow::Continue(());
         let n = config.train_readings;
-        let train = sample_family(&simulator, family, id, n, seed, &sampler, &mut go_on)?;
-        let runs = (runs, CALIBRATION_READINGS);
+        let readings = sample_family(&simulator, family, id, n, seed, &sampler, &mut go_on)?;
+        let runs = (runs, calibrate::READINGS);
         let held_back = sample_runs(&simulator, family, id, runs, seed, &sampler, &mut go_on)?;
-        Ok((train, held_back))
+        Ok((readings, held_back))
     };
     let both: Vec<(Vec<Reading>, Vec<Reading>)> =
         objects.par_iter().map(touched).collect::<anyhow::Result<_>>()?;
-    let (train, held_back): (Vec<_>, Vec<_>) = both.into_iter().unzip();
+    let (training, held_back): (Vec<_>, Vec<_>) = both.into_iter().unzip();
     let sensor = family.description();
-    let model = train_surface(&train, symmetries, sensor, &SurfaceConfig::default(), config.seed)?;
-    let run = Some(CALIBRATION_READINGS);
+    let model =
+        train_surface(&training, symmetries, sensor, &SurfaceConfig::default(), config.seed)?;
+    let run = Some(calibrate::READINGS);
     let sets: Vec<HeldBack<'_>> =
         held_back.iter().map(|readings| HeldBack { readings, sensor, run }).collect();
     let calibration = calibrate(&model, &sets, SurfaceOptions::default(), config.seed);
@@ -189,18 +182,19 @@ fn try_in(
     objects: &[TestObject],
     foreign: &[TestObject],
     symmetries: &[Symmetry],
-    taught: &[Taught],
+    described: &SensorDescription,
+    trained: &[Trained],
 ) -> anyhow::Result<Vec<Tried>> {
     let (n, seed) = (config.test_readings, 2 * config.seed + 1);
     let known = world.sensing.touch_all(objects, n, seed)?;
     let others = world.sensing.touch_all(foreign, n, seed)?;
     let none = vec![Symmetry::NONE; foreign.len()];
     let tools = std::iter::once(0.0).chain(config.tool_mm.iter().copied());
-    let cases: Vec<(f64, &Taught)> =
-        tools.flat_map(|tool| taught.iter().map(move |one| (tool, one))).collect();
-    let play = |(tool_mm, taught): &(f64, &Taught)| {
+    let cases: Vec<(f64, &Trained)> =
+        tools.flat_map(|tool| trained.iter().map(move |one| (tool, one))).collect();
+    let play = |(tool_mm, trained): &(f64, &Trained)| {
         let sessions = |test, symmetries, readings| Sessions {
-            sensor: &world.read_as,
+            sensor: described,
             test,
             symmetries,
             seed: config.seed,
@@ -211,18 +205,18 @@ fn try_in(
         let silent: Progress<'_> = &|_, _, _| ();
         let trials = config.trials * objects.len();
         let known = sessions(&known, symmetries, config.readings).play(
-            &taught.recogniser,
+            &trained.recogniser,
             objects.len(),
             trials,
             silent,
         )?;
         let foreign = sessions(&others, &none, config.readings).play(
-            &taught.recogniser,
+            &trained.recogniser,
             foreign.len(),
             trials,
             silent,
         )?;
-        let (method, world) = (taught.method, world.name.to_owned());
+        let (method, world) = (trained.method, world.name.to_owned());
         Ok(Tried { method, world, tool_mm: *tool_mm, known, foreign })
     };
     cases.par_iter().map(play).collect()
@@ -314,8 +308,8 @@ fn panels(config: &OtherWorlds, tried: &[Tried]) -> Vec<Panel> {
     let accuracy = |row: &Row| row.accuracy;
     let unknown = |row: &Row| row.unknown_mean;
     vec![
-        panel("taught as described", "share right", "as_described", &accuracy),
-        panel("taught by a family", "share right", "data_sheet", &accuracy),
+        panel("trained as described", "share right", "as_described", &accuracy),
+        panel("trained by a family", "share right", "data_sheet", &accuracy),
         panel("none of these, as described", "mean probability", "as_described", &unknown),
         panel("none of these, family", "mean probability", "data_sheet", &unknown),
     ]
@@ -350,7 +344,7 @@ mod tests {
             assert!(summary.contains_key(key), "{key}: {summary:?}");
         }
         assert!(summary["as_described_matched_accuracy_at_4"] >= 0.7, "{summary:?}");
-        let wrong = OtherWorlds { worlds: vec!["moon".to_owned()], ..config };
+        let wrong = OtherWorlds { worlds: vec!["matched".to_owned(), "moon".to_owned()], ..config };
         assert!(run(&wrong, &|_, _, _| ()).err().unwrap().to_string().contains("moon"));
     }
 }

@@ -7,7 +7,7 @@ use anyhow::Context as _;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
-use palpate_sim::noise::NoiseLevel;
+use palpate_sim::noise::{NoiseLevel, taxel_gains};
 use palpate_sim::press::{Physics, PressConfig, PressSimulator};
 use palpate_sim::sampler::{SamplerConfig, sample};
 use rayon::prelude::*;
@@ -81,8 +81,7 @@ impl Sensing {
 
     fn gains(&self, seed: u64) -> Vec<f64> {
         let mut stream = Stream::new(seed, Purpose::TaxelGains, 0);
-        let gain = |_| (1.0 + self.gain_spread * stream.normal().clamp(-3.0, 3.0)).max(0.0);
-        (0..self.sensor.grid().n_taxels()).map(gain).collect()
+        taxel_gains(self.sensor.grid().n_taxels(), self.gain_spread, &mut stream)
     }
 
     /// A reading as the taxels give it.

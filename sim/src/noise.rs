@@ -29,6 +29,13 @@ impl NoiseLevel {
     }
 }
 
+/// Gains of a sensor's taxels: about 1 with the standard deviation `spread`, truncated at three
+/// deviations and never negative.
+#[must_use]
+pub fn taxel_gains(n_taxels: usize, spread: f64, stream: &mut Stream) -> Vec<f64> {
+    (0..n_taxels).map(|_| (1.0 + spread * stream.normal().clamp(-3.0, 3.0)).max(0.0)).collect()
+}
+
 /// The parameters of the electronics.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Electronics {

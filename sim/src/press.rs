@@ -23,7 +23,7 @@ use palpate_core::sensor::{ImageOrder, SensorDescription, SensorParameters};
 use palpate_core::units::MM;
 
 use crate::mesh::Mesh;
-use crate::noise::{Electronics, NoiseLevel};
+use crate::noise::{Electronics, NoiseLevel, taxel_gains};
 use crate::surface::Surface;
 use bvh::Bvh;
 use covering::Covering;
@@ -120,7 +120,8 @@ impl PressSimulator {
         Self::with_config(mesh, sensor, config)
     }
 
-    /// A simulator with the given configuration.
+    /// A simulator with the given configuration. All taxels have the gain 1;
+    /// [`PressSimulator::with_sensor`] draws gains.
     #[must_use]
     pub fn with_config(mesh: Mesh, sensor: SensorDescription, config: PressConfig) -> Self {
         let inside_out = mesh.signed_volume() < 0.0 && mesh.is_watertight();
@@ -144,8 +145,8 @@ impl PressSimulator {
         Self { object, sensor, row_major_sensor, imaging, covering, electronics, gains, config }
     }
 
-    /// The same object pressed by another sensor, in the physics of the point spread. Taxel
-    /// gains are drawn from `stream` if the sensor's differ.
+    /// The same object under another sensor, in the physics of the point spread. The gains of its
+    /// taxels are drawn from `stream`.
     #[must_use]
     pub fn with_sensor(&self, sensor: SensorDescription, stream: &mut Stream) -> Self {
         let noise_level = self.config.noise_level;
@@ -156,8 +157,7 @@ impl PressSimulator {
         if spread <= 0.0 {
             return pressed;
         }
-        let gain = |_| (1.0 + spread * stream.normal().clamp(-3.0, 3.0)).max(0.0);
-        Self { gains: (0..n_taxels).map(gain).collect(), ..pressed }
+        Self { gains: taxel_gains(n_taxels, spread, stream), ..pressed }
     }
 
     /// The same object and sensor with another noise level.

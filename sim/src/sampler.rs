@@ -10,7 +10,7 @@ pub mod family;
 pub mod rays;
 
 use std::borrow::Cow;
-use std::ops::{ControlFlow, Range};
+use std::ops::ControlFlow;
 
 use glam::{DQuat, DVec3};
 use palpate_core::pose::Pose;
@@ -84,9 +84,9 @@ pub enum SampleError {
 /// Maximum attempts between two evaluations of the coverage.
 const BATCH_MAX: usize = 128;
 
-/// Attempts with one sensor of a family. Chosen: a thousand touches then have about a hundred
-/// sensors, and making one takes less time than its touches.
-pub(crate) const TOUCHES_PER_SENSOR: usize = 8;
+/// Attempts by one sensor of a family. Chosen: a thousand touches are by more than a hundred
+/// sensors.
+const TOUCHES_PER_SENSOR: usize = 8;
 
 /// Takes `n` readings of the object, in the mesh's frame, all determined by `seed`.
 ///
@@ -103,17 +103,15 @@ pub fn sample(
     config: &SamplerConfig,
     progress: &mut dyn FnMut(usize, usize) -> ControlFlow<()>,
 ) -> Result<Vec<Reading>, SampleError> {
-    let one = |_: Range<usize>| vec![Cow::Borrowed(simulator)];
-    sample_by(simulator.surface(), &one, sensor, n, seed, config, progress)
+    let same = |_| Cow::Borrowed(simulator);
+    sample_with(&same, simulator.surface(), sensor, n, seed, config, progress)
 }
 
-/// The simulators of a range of attempts: one for all, or one for every
-/// [`TOUCHES_PER_SENSOR`].
-pub(crate) type Simulators<'a, 'b> = dyn Fn(Range<usize>) -> Vec<Cow<'a, PressSimulator>> + 'b;
-
-pub(crate) fn sample_by(
+/// Takes readings as [`sample`] does; `sensors` gives the simulator for each index of a sensor,
+/// which makes [`TOUCHES_PER_SENSOR`] attempts.
+fn sample_with<'a>(
+    sensors: &dyn Fn(usize) -> Cow<'a, PressSimulator>,
     surface: &Surface,
-    simulators: &Simulators<'_, '_>,
     sensor: SensorId,
     n: usize,
     seed: u64,
@@ -130,16 +128,16 @@ pub(crate) fn sample_by(
             return Err(SampleError::TooFewTouches { accepted, wanted: n, attempts });
         }
         let batch = (n - readings.len()).min(BATCH_MAX);
-        let drawn = simulators(attempts..attempts + batch);
         let first = attempts / TOUCHES_PER_SENSOR;
+        let after = (attempts + batch).div_ceil(TOUCHES_PER_SENSOR);
+        let simulators: Vec<Cow<'_, PressSimulator>> = (first..after).map(sensors).collect();
         let outcomes: Vec<(Option<usize>, Option<Reading>)> = (attempts..attempts + batch)
             .into_par_iter()
             .map(|attempt| {
                 let mut stream = Stream::new(seed, Purpose::Sampling, attempt as u64);
                 let slice = coverage.choose(&mut stream);
                 let place = surface.draw(slice, &mut stream);
-                let simulator =
-                    drawn.get(attempt / TOUCHES_PER_SENSOR - first).unwrap_or(&drawn[0]);
+                let simulator = &simulators[attempt / TOUCHES_PER_SENSOR - first];
                 (slice, touch_at(simulator, sensor, &place, config, &mut stream))
             })
             .collect();

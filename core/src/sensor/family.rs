@@ -1,9 +1,8 @@
-//! Families of sensors: what is not known about one, as ranges that it may lie in.
+//! Families of sensors: all sensors that one description may stand for.
 //!
-//! Objects are taught from meshes by presses of many sensors of the family, so that maps and
-//! calibration include what the description leaves open. Every draw is a complete
-//! description. Ranges of `data_sheet` and `unknown` are chosen, not fitted: the reason
-//! stands at each.
+//! Pressing a mesh with many sensors of a family makes maps and calibration include what the
+//! description leaves open. Every draw is a complete description. Not here: pressing
+//! (`palpate_sim::sampler::family`).
 
 use super::coupling::{Coupling, CoveringEdge, SpreadKernel};
 use super::description::{SensorDescription, SensorParameters};
@@ -11,10 +10,11 @@ use super::force_curve::ForceCurve;
 use crate::rng::Stream;
 use crate::units::MM;
 
-/// Smallest point spread of a description, metres.
+/// Smallest point spread, metres: the lower limit of a description.
 const POINT_SPREAD_MIN: f64 = 0.01 * MM;
 
-/// Segments into which the straight parts of a force curve are cut before it is bent.
+/// Number of segments of a bent force curve. Chosen: between two knots a line is then within
+/// 0.1 % of the full pressure.
 const CURVE_SEGMENTS: usize = 16;
 
 /// Trust in a sensor's description.
@@ -26,23 +26,6 @@ pub enum SensorKnowledge {
     /// stiffness may differ.
     #[default]
     DataSheet,
-    /// Only the geometry and the range are known.
-    Unknown,
-}
-
-impl SensorKnowledge {
-    /// Every level, best known first.
-    pub const ALL: [Self; 3] = [Self::Measured, Self::DataSheet, Self::Unknown];
-
-    /// Name in the API and on the command line.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Measured => "measured",
-            Self::DataSheet => "data_sheet",
-            Self::Unknown => "unknown",
-        }
-    }
 }
 
 /// Ranges of what a description leaves open. A range is (low, high).
@@ -60,8 +43,7 @@ pub struct SensorRanges {
     pub cross_talk: (f64, f64),
     /// Factor on the pressures of the force curve; drawn evenly in its logarithm.
     pub stiffness: (f64, f64),
-    /// How much stiffer the covering is at its full indentation than at first touch, as a
-    /// share: 1 is twice as stiff.
+    /// Excess of the pressure ratio at full indentation over that at first touch ([`bent`]).
     pub stiffening: (f64, f64),
     /// Relative standard deviation of the taxels' gains.
     pub gain_spread: f64,
@@ -72,10 +54,10 @@ pub struct SensorRanges {
 impl SensorRanges {
     /// The ranges of a description from a data sheet.
     ///
-    /// Chosen: sheets state a covering's thickness, seldom its spread (equation 2.5 holds for
-    /// the dissertation's polyurethane; other layers spread from a third of that to half as
-    /// much again), never its edge, and rarely its modulus to better than a factor of two;
-    /// cross-talk of 10 to 15 % and gains within 10 % are common statements.
+    /// Chosen, without a measurement. A sheet states the thickness of a covering but not its
+    /// spread: equation 2.5 holds for one material. It states neither the edge nor the stiffness:
+    /// a factor of two each way, and up to 2.5 times as stiff at full indentation. Cross-talk,
+    /// gains and hysteresis are what sheets call good to mediocre.
     #[must_use]
     pub fn data_sheet() -> Self {
         Self {
@@ -88,20 +70,6 @@ impl SensorRanges {
             stiffening: (0.0, 1.5),
             gain_spread: 0.07,
             hysteresis: 0.05,
-        }
-    }
-
-    /// The ranges when only geometry and range are known: twice as wide as a data sheet's.
-    #[must_use]
-    pub fn unknown() -> Self {
-        Self {
-            spread_factor: (0.1, 2.0),
-            cross_talk: (0.0, 0.25),
-            stiffness: (0.25, 4.0),
-            stiffening: (0.0, 4.0),
-            gain_spread: 0.15,
-            hysteresis: 0.1,
-            ..Self::data_sheet()
         }
     }
 }
@@ -121,7 +89,6 @@ impl SensorFamily {
         let ranges = match knowledge {
             SensorKnowledge::Measured => None,
             SensorKnowledge::DataSheet => Some(SensorRanges::data_sheet()),
-            SensorKnowledge::Unknown => Some(SensorRanges::unknown()),
         };
         Self { description, ranges }
     }
@@ -173,8 +140,8 @@ impl SensorFamily {
     }
 }
 
-/// A force curve of `stiffness` times the pressures at full indentation (`thickness`, metres)
-/// that is 1 + `stiffening` times as stiff there as at first touch.
+/// A force curve with `stiffness` times the pressure of `curve` at full indentation (`thickness`,
+/// metres). The ratio of both pressures is 1 + `stiffening` times as large there as at first touch.
 ///
 /// # Panics
 /// Never: it rises where `curve` does.

@@ -1,4 +1,4 @@
-//! The worlds of `other-worlds`: what an array may be like that a data sheet describes.
+//! The worlds of `other-worlds`: sensors that differ from their description in one way each.
 
 use palpate_core::sensor::family::bent;
 use palpate_core::sensor::{Coupling, CoveringEdge, SensorDescription, SensorParameters};
@@ -7,15 +7,13 @@ use palpate_sim::press::{CoveringConfig, Physics};
 
 use crate::sensing::Sensing;
 
-/// A sensor as it is built, and as its readings are understood.
+/// A sensor as it is built.
 pub(super) struct World {
     pub(super) name: &'static str,
     pub(super) sensing: Sensing,
-    /// The description that the recogniser is given.
-    pub(super) read_as: SensorDescription,
 }
 
-/// Every world of an array that is described as `described`.
+/// All worlds, for a sensor with this description.
 pub(super) fn all(described: &SensorDescription) -> Vec<World> {
     let known = described.parameters();
     let pitch = known.grid.pitch;
@@ -51,10 +49,9 @@ pub(super) fn all(described: &SensorDescription) -> Vec<World> {
         ("stiffening", stiff(1.0, 2.0)),
         ("cross_talk", with(&|p| p.coupling.cross_talk = 0.12)),
     ];
-    // No array is perfect: gains within 5 % in every world, and a little more in the elastic
-    // ones, which have their own.
+    // Gains deviate by 5 % in every world. Elastic coverings have gains of their own.
     let sensing = |sensor| Sensing { gain_spread: 0.05, ..Sensing::with(sensor) };
-    let world = |name, sensing| World { name, sensing, read_as: described.clone() };
+    let world = |name, sensing| World { name, sensing };
     let elastic = |covering| Sensing {
         physics: Physics::ElasticCovering(covering),
         ..Sensing::with(described.clone())

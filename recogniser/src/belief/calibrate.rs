@@ -21,13 +21,13 @@ use crate::options::{ScoreScale, SurfaceOptions};
 use crate::verify::null_model::{self, Counted};
 
 /// Approximate number of trials of all objects together; they take at most a minute.
-const TRIALS: usize = 400;
+pub const TRIALS: usize = 400;
 
 /// Maximum number of trials per object, since its held-back readings are few.
 const TRIALS_PER_OBJECT_MAX: usize = 40;
 
 /// Readings per trial, about as many as a session needs.
-const READINGS: usize = 8;
+pub const READINGS: usize = 8;
 
 /// Minimum number of held-back readings per object with trials, so that trials differ.
 pub const HELD_BACK_MIN: usize = 6;
@@ -49,8 +49,8 @@ pub struct HeldBack<'a> {
     pub readings: &'a [Reading],
     /// Their sensor.
     pub sensor: &'a SensorDescription,
-    /// Number of consecutive readings that one sensor of a family took: a trial has the
-    /// readings of one such run. `None`: all are of one sensor.
+    /// Number of consecutive readings taken by one sensor of a family, above 0: a trial uses
+    /// one such run. `None`: one sensor took all readings.
     pub run: Option<usize>,
 }
 
@@ -129,10 +129,15 @@ pub fn calibrate(
 
 /// The readings of a trial, none of them twice.
 fn drawn<'a>(held_back: &HeldBack<'a>, mut stream: Stream) -> Vec<&'a Reading> {
-    let runs = held_back.run.map_or(1, |run| (held_back.readings.len() / run).max(1));
-    let run = held_back.readings.len() / runs;
-    let first = if runs > 1 { stream.index(runs) * run } else { 0 };
-    let mut left: Vec<&Reading> = held_back.readings[first..first + run].iter().collect();
+    let all = held_back.readings;
+    let of_one_sensor = match held_back.run {
+        Some(run) if run < all.len() => {
+            let runs: Vec<&[Reading]> = all.chunks_exact(run.max(1)).collect();
+            runs[stream.index(runs.len())]
+        }
+        _ => all,
+    };
+    let mut left: Vec<&Reading> = of_one_sensor.iter().collect();
     let n = READINGS.min(left.len());
     (0..n).map(|_| left.swap_remove(stream.index(left.len()))).collect()
 }
@@ -261,6 +266,9 @@ impl Sample {
 
 #[cfg(test)]
 mod tests {
+    use palpate_core::pose::Pose;
+    use palpate_core::reading::SensorId;
+
     use super::*;
 
     const TEMPERATURE: f64 = 2.5;
@@ -282,6 +290,28 @@ mod tests {
     fn samples(is_known: bool, n: usize) -> Vec<Sample> {
         let mut stream = Stream::new(5, Purpose::Sampling, u64::from(is_known));
         (0..n).map(|_| sample(is_known, &mut stream)).collect()
+    }
+
+    #[test]
+    fn a_trial_has_the_readings_of_one_sensor() {
+        // Twenty readings at x = 0 to 19 m, of which each eight are of one sensor; the last
+        // four are no whole run.
+        let sensor = SensorDescription::digitacts_6x6();
+        let reading = |x: u32| {
+            let pose = Pose::from_parts(glam::DQuat::IDENTITY, glam::DVec3::X * f64::from(x));
+            Reading::new(SensorId(0), &sensor, &[Some(1e3); 36], pose).unwrap()
+        };
+        let readings: Vec<Reading> = (0..20).map(reading).collect();
+        let mut first = [false; 2];
+        for trial in 0..40 {
+            let held_back = HeldBack { readings: &readings, sensor: &sensor, run: Some(8) };
+            let stream = Stream::new(3, Purpose::ReadingChoice, trial);
+            let run_of = |r: &&Reading| r.session_from_sensor().translation.x as usize / 8;
+            let runs: Vec<usize> = drawn(&held_back, stream).iter().map(run_of).collect();
+            assert!(runs.len() == 8 && runs.iter().all(|run| *run == runs[0]), "{runs:?}");
+            first[runs[0]] = true;
+        }
+        assert_eq!(first, [true, true]);
     }
 
     fn learnt(known: &[Sample], unknown: &[Sample]) -> EvidenceStage {

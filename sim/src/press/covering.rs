@@ -16,6 +16,7 @@ use palpate_core::sensor::SensorDescription;
 use super::heights::HeightMap;
 use super::imaging::Imaging;
 use super::physics::CoveringConfig;
+use crate::noise::taxel_gains;
 use convolution::Convolution;
 use kernel::Kernel;
 
@@ -119,11 +120,10 @@ impl Covering {
     }
 }
 
-/// Gains about 1, truncated at three deviations and never negative.
+/// The gains of the sensor with the seed of `config`.
 fn gains(n_taxels: usize, config: &CoveringConfig) -> Vec<f64> {
     let mut stream = Stream::new(config.gain_seed, Purpose::TaxelGains, 0);
-    let gain = |_| (1.0 + config.gain_spread * stream.normal().clamp(-3.0, 3.0)).max(0.0);
-    (0..n_taxels).map(gain).collect()
+    taxel_gains(n_taxels, config.gain_spread, &mut stream)
 }
 
 #[cfg(test)]

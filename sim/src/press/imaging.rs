@@ -1,7 +1,9 @@
 //! From depths to an image: the point spread and each taxel's mean, folded into one matrix.
 //!
 //! image = W_rows · depth · W_colsᵀ. Every row of W sums to 1, so a uniform displacement is
-//! preserved, unless the covering ends near the array in another way (`CoveringEdge`). Source: section 2.5.1 with equation 2.2 as corrected (a separable 2-D kernel).
+//! preserved, unless the covering ends near the array and loses or conserves force there
+//! (`CoveringEdge`). Source: section 2.5.1 with equation 2.2 as corrected (a separable 2-D
+//! kernel).
 
 use palpate_core::sensor::{CoveringEdge, SensorDescription, SpreadKernel};
 
@@ -10,11 +12,12 @@ use super::heights::HeightMap;
 /// Points along each side of a taxel over which its mean is taken.
 const MEAN_POINTS: usize = 8;
 
-/// Deviations of the spread beyond which it is taken to be nothing. Chosen: an exponential has
-/// fallen to e^−8.5 there.
+/// Standard deviations beyond which the spread is cut off. Chosen: an exponential is e^−8.5 of
+/// its peak there.
 const REACH: f64 = 6.0;
 
-/// Points over which the share that a covering keeps is summed.
+/// Points of the sum for the share of force that stays within the covering. Chosen: 40 a
+/// standard deviation.
 const KEPT_POINTS: usize = 481;
 
 /// The folded matrices and the layout of their sub-samples.
@@ -169,14 +172,14 @@ impl Axis<'_> {
         }
     }
 
-    /// What a taxel would feel of an even press of an unbounded covering.
+    /// A taxel's response to an even press if the covering had no edge, not normalised.
     fn unbounded(&self, taxel: usize, n_samples: usize) -> f64 {
         let beyond = (REACH * self.sensor.parameters().point_spread / self.step).ceil() as usize;
         let n = n_samples + 2 * beyond;
         (0..n).map(|at| self.spread_to(taxel, placed(at, n, self.step))).sum()
     }
 
-    /// The share of a sub-sample's force that an unbounded covering would keep within this one.
+    /// The share of the force at `place` that would stay within this covering if it had no edge.
     fn kept(&self, place: f64) -> f64 {
         let half = self.covering_half();
         if half.is_infinite() {

@@ -94,7 +94,7 @@ fn first_row_under_a_plate(coupling: Coupling) -> Vec<f64> {
 }
 
 #[test]
-fn the_covering_s_end_decides_what_taxels_near_it_feel() {
+fn the_edge_of_the_covering_decides_what_taxels_near_it_feel() {
     let margin = Some(0.0);
     let row = |edge| first_row_under_a_plate(Coupling { edge, margin, ..Coupling::default() });
     assert!(row(CoveringEdge::Continues).iter().all(|d| (d - 1.0).abs() < 1e-9));
@@ -104,14 +104,17 @@ fn the_covering_s_end_decides_what_taxels_near_it_feel() {
     let lost = row(CoveringEdge::LosesForce);
     assert!((lost[0] - 0.375).abs() < 0.01, "{lost:?}");
     assert!(lost[2] > lost[1] && lost[1] > lost[0], "{lost:?}");
-    // What the lost one loses returns: the mean over the array is 1.
-    let kept =
-        first_mean(Coupling { edge: CoveringEdge::ConservesForce, margin, ..Coupling::default() });
+    // No force is lost: the mean over the array is 1.
+    let kept = mean_under_a_plate(Coupling {
+        edge: CoveringEdge::ConservesForce,
+        margin,
+        ..Coupling::default()
+    });
     assert!((kept - 1.0).abs() < 0.01, "{kept}");
 }
 
 /// The mean displacement (mm) of all taxels under a plate pressed 1 mm in.
-fn first_mean(coupling: Coupling) -> f64 {
+fn mean_under_a_plate(coupling: Coupling) -> f64 {
     let known = SensorDescription::digitacts_6x6().parameters().clone();
     let grid = TaxelGrid { taxel_width: known.grid.pitch, ..known.grid };
     let known = SensorParameters { grid, coupling, ..known };
@@ -119,6 +122,45 @@ fn first_mean(coupling: Coupling) -> f64 {
     let plate = cuboid(DVec3::new(80.0 * MM, 80.0 * MM, 10.0 * MM));
     let press = PressSimulator::new(plate, sensor).press(looking_down(4.0 * MM));
     displacements(&press).iter().sum::<f64>() / 36.0 / MM
+}
+
+#[test]
+fn uneven_gains_scale_each_taxel_of_a_drawn_sensor() {
+    let known = SensorDescription::digitacts_6x6().parameters().clone();
+    let coupling = Coupling { gain_spread: 0.1, ..Coupling::default() };
+    let silent = SensorParameters { noise: 0.0, quantisation: 0.0, coupling, ..known };
+    let sensor = SensorDescription::new(silent).unwrap();
+    let plate = cuboid(DVec3::new(80.0 * MM, 80.0 * MM, 10.0 * MM));
+    let even = PressSimulator::new(plate, sensor.clone());
+    let uneven = even.with_sensor(sensor, &mut Stream::new(5, Purpose::SensorFamily, 0));
+    let felt = |simulator: &PressSimulator| {
+        let press = simulator.press(looking_down(4.0 * MM));
+        simulator.pressures(&press, &mut Stream::new(5, Purpose::SensorNoise, 0))
+    };
+    let gains = taxel_gains(36, 0.1, &mut Stream::new(5, Purpose::SensorFamily, 0));
+    for ((even, uneven), gain) in felt(&even).into_iter().zip(felt(&uneven)).zip(gains) {
+        assert!((uneven - gain * even).abs() < 1e-6, "{even} Pa, {uneven} Pa, {gain}");
+    }
+}
+
+#[test]
+fn hysteresis_scales_a_whole_press_within_its_bound() {
+    let known = SensorDescription::digitacts_6x6().parameters().clone();
+    let coupling = Coupling { hysteresis: 0.2, ..Coupling::default() };
+    let silent = SensorParameters { noise: 0.0, quantisation: 0.0, coupling, ..known };
+    let plate = cuboid(DVec3::new(80.0 * MM, 80.0 * MM, 10.0 * MM));
+    let simulator = PressSimulator::new(plate, SensorDescription::new(silent).unwrap());
+    let press = simulator.press(looking_down(4.0 * MM));
+    let mut stream = Stream::new(5, Purpose::SensorNoise, 0);
+    let factors: Vec<f64> = (0..50)
+        .map(|_| {
+            let felt = simulator.pressures(&press, &mut stream);
+            assert!(felt.iter().all(|p| (p - felt[0]).abs() < 1e-6), "{felt:?}");
+            felt[0] / (20_000.0 / 2.54)
+        })
+        .collect();
+    assert!(factors.iter().all(|factor| (0.8..=1.2).contains(factor)), "{factors:?}");
+    assert!(factors.iter().any(|f| *f < 0.9) && factors.iter().any(|f| *f > 1.1));
 }
 
 #[test]

@@ -1,16 +1,16 @@
-//! Training touches by the many sensors that a description may stand for.
+//! Training touches by many sensors of a family.
 //!
-//! A map must not depend on what is unknown about the sensor, so its touches are spread over
-//! the family. A session has one sensor, so readings for calibration come in runs of one.
+//! A map must not depend on what is unknown about the sensor, so sensors change every few
+//! touches. A session has one sensor, so readings for calibration come in runs by one sensor.
 
 use std::borrow::Cow;
-use std::ops::{ControlFlow, Range};
+use std::ops::ControlFlow;
 
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorFamily;
 
-use super::{SampleError, SamplerConfig, TOUCHES_PER_SENSOR, sample, sample_by};
+use super::{SampleError, SamplerConfig, sample, sample_with};
 use crate::press::PressSimulator;
 
 /// Takes `n` readings as [`sample`] does, but every few attempts with another sensor of the
@@ -30,15 +30,11 @@ pub fn sample_family(
     if family.is_single() {
         return sample(simulator, sensor, n, seed, config, progress);
     }
-    let drawn = |attempts: Range<usize>| {
-        let sensors =
-            attempts.start / TOUCHES_PER_SENSOR..attempts.end.div_ceil(TOUCHES_PER_SENSOR);
-        sensors.map(|index| Cow::Owned(one_of(simulator, family, seed, index as u64))).collect()
-    };
-    sample_by(simulator.surface(), &drawn, sensor, n, seed, config, progress)
+    let drawn = |index| Cow::Owned(one_of(simulator, family, seed, index as u64));
+    sample_with(&drawn, simulator.surface(), sensor, n, seed, config, progress)
 }
 
-/// Takes `runs` runs of `touches` readings, each run with one sensor of the family.
+/// Takes `runs` runs of `touches` readings, each run by one sensor of the family.
 ///
 /// # Errors
 /// [`SampleError`] when too many attempts fail or `progress`, called once a run, stops.
@@ -53,7 +49,7 @@ pub fn sample_runs(
 ) -> Result<Vec<Reading>, SampleError> {
     let mut readings = Vec::with_capacity(runs * touches);
     for run in 0..runs {
-        // Streams that no training touch of this seed uses.
+        // Other streams than those of training with this seed.
         let seed = (!seed).wrapping_add((run as u64) << 32);
         let pressed = one_of(simulator, family, seed, run as u64);
         let mut go_on = |_: usize, _: usize| ControlFlow::Continue(());
@@ -66,9 +62,8 @@ pub fn sample_runs(
     Ok(readings)
 }
 
-/// The object of `simulator` pressed by the sensor of a family with the given index.
-#[must_use]
-pub fn one_of(
+/// The object of `simulator` under the family's sensor with the given index.
+fn one_of(
     simulator: &PressSimulator,
     family: &SensorFamily,
     seed: u64,
