@@ -72,6 +72,8 @@ pub struct RefinementScale {
     pub smoothing: f32,
     /// Factor by which the deviation of normals is enlarged.
     pub normal_factor: f32,
+    /// Usual error of a tool centre along each axis, metres (equation R21a).
+    pub tool: f32,
 }
 
 /// Distance of a stored pair from an observed one: tolerance, or deviation.
@@ -212,6 +214,7 @@ impl Default for SurfaceOptions {
                 across: 0.6 * mm,
                 smoothing: 1.0 * mm,
                 normal_factor: 1.9,
+                tool: 2.0 * mm,
             },
             pairs: PairTolerance { distance: 2.5 * mm, cosine: 0.18 },
             pair_deviation: PairTolerance { distance: 1.0 * mm, cosine: 0.1 },

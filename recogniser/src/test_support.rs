@@ -33,6 +33,7 @@ pub(crate) fn on_ellipsoid(stream: &mut Stream) -> Touch {
         position: on_sphere * HALF_AXES,
         normal,
         direction: normal.any_orthonormal_vector(),
+        sensor_x: normal.any_orthonormal_vector(),
         elongation: 0.0,
         evenness: 1.0,
         feature: [0.0; N_AXES],
@@ -68,6 +69,7 @@ pub(crate) fn seen(place: &Touch, session_from_object: &Pose) -> Observation {
         position: *session_from_object * place.position,
         normal: session_from_object.turn(place.normal),
         direction: session_from_object.turn(place.direction),
+        sensor_x: session_from_object.turn(place.sensor_x),
         ..place.clone()
     };
     Observation::compared(&touch, DVec3::ZERO, COMPARISON, COMPARISON)

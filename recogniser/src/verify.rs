@@ -13,3 +13,4 @@ pub(crate) mod hypothesis;
 pub(crate) mod motion_prior;
 pub(crate) mod null_model;
 pub mod reference;
+pub(crate) mod tool_error;

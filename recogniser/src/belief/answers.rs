@@ -158,7 +158,7 @@ mod tests {
     /// A hypothesis turned by an angle about z; its score is the ln of `weight`.
     fn turned(angle: f32, weight: f32) -> Hypothesis {
         let rotation = Quat::from_rotation_z(angle);
-        Hypothesis { rotation, translation: Vec3::ZERO, score: weight.ln() }
+        Hypothesis::new(rotation, Vec3::ZERO, weight.ln())
     }
 
     /// Objects and shares of at most `n` answers.

@@ -101,6 +101,7 @@ fn put_object(to: &mut Vec<u8>, object: &ObjectBelief) {
     for hypothesis in &object.hypotheses {
         put_floats(to, &hypothesis.rotation.to_array());
         put_floats(to, &hypothesis.translation.to_array());
+        put_floats(to, &hypothesis.tool.to_array());
         to.put_f32_le(hypothesis.score);
     }
 }
@@ -134,11 +135,13 @@ fn object(from: &mut &[u8], is_ruled_out: bool) -> Result<ObjectBelief, NotCheck
     let [geometry, evidence, appearance, position, angle] = floats(from)?;
     let poses = list(from, |[a, b, c, d, e, f, g, h, i, x, y, z, weight]| {
         let object_from_session = Mat3::from_cols_array(&[a, b, c, d, e, f, g, h, i]);
-        (InversePose { object_from_session, translation: Vec3::new(x, y, z) }, weight)
+        let translation = Vec3::new(x, y, z);
+        (InversePose { object_from_session, translation, tool: Vec3::ZERO }, weight)
     })?;
-    let hypotheses = list(from, |[i, j, k, real, x, y, z, score]| {
+    let hypotheses = list(from, |[i, j, k, real, x, y, z, a, b, c, score]| {
         let rotation = Quat::from_array([i, j, k, real]);
-        Hypothesis { rotation, translation: Vec3::new(x, y, z), score }
+        let (translation, tool) = (Vec3::new(x, y, z), Vec3::new(a, b, c));
+        Hypothesis { rotation, translation, tool, score }
     })?;
     Ok(ObjectBelief {
         hypotheses,

@@ -134,7 +134,7 @@ fn judged(
         let judges = judges.iter().copied();
         let Some(score) = evidence.score_in_turn(object, &pose, judges, bar) else { continue };
         bar = bar.max(score - evidence.options.score.drop_within);
-        hypotheses.push(Hypothesis { rotation, translation, score });
+        hypotheses.push(Hypothesis::new(rotation, translation, score));
     }
     hypotheses
 }
@@ -267,7 +267,7 @@ mod tests {
         let after = |score: f64| {
             let (rotation, translation) = single(&some_pose(6));
             let object = |index: u32| ObjectBelief {
-                hypotheses: vec![Hypothesis { rotation, translation, score: -20.0 }],
+                hypotheses: vec![Hypothesis::new(rotation, translation, -20.0)],
                 retrieval_score: if index == 0 { score } else { -f64::from(index) },
                 // The others are likelier, so that the first is not explored.
                 log_evidence: if index == 0 { -20.0 } else { -10.0 },
@@ -330,7 +330,7 @@ mod tests {
     fn the_total_bounds_hypotheses_of_all_objects() {
         let hypothesis = |score: f32| {
             let (rotation, translation) = single(&some_pose(6));
-            Hypothesis { rotation, translation, score }
+            Hypothesis::new(rotation, translation, score)
         };
         let object = |scores: &[f32]| ObjectBelief {
             hypotheses: scores.iter().copied().map(hypothesis).collect(),
@@ -351,7 +351,7 @@ mod tests {
         let known = Known { map: &evidence.maps[0], prior: &prior };
         let score =
             |h: &Hypothesis| evidence.score(known, &h.inverse_pose(), f32::NEG_INFINITY).unwrap();
-        let mut start = Hypothesis { rotation, translation, score: 0.0 };
+        let mut start = Hypothesis::new(rotation, translation, 0.0);
         start.score = score(&start);
         let mut objects = [ObjectBelief { hypotheses: vec![start], ..ObjectBelief::new(0.0) }];
         refine_best(&mut objects, &evidence);

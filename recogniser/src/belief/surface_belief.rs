@@ -6,7 +6,7 @@ use glam::DVec3;
 use palpate_core::belief::MismatchError;
 use palpate_core::belief::answer::Answer;
 use palpate_core::log_prob::normalize;
-use palpate_core::reading::{Looseness, Reading};
+use palpate_core::reading::{Looseness, Reading, SensorId};
 use palpate_core::rng::Stream;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::stop::Stop;
@@ -42,12 +42,27 @@ pub struct SurfaceBelief {
     anchor: DVec3,
     /// Presses that met nothing before there was an anchor.
     misses: Vec<Miss>,
+    /// The tool of the first touch; the error of its centre is shared by all its touches.
+    first_tool: Option<Tool>,
     /// Whether the object may have moved since its first touch.
     may_have_moved: bool,
     /// The object rests, or drifts as announced.
     rest: Component,
     /// Components of unannounced drift; empty while rest explains the touches well.
     drifting: Vec<Component>,
+}
+
+/// A sensor on a robot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Tool {
+    sensor: SensorId,
+    robot: Option<u32>,
+}
+
+impl Tool {
+    fn of(reading: &Reading) -> Self {
+        Self { sensor: reading.sensor(), robot: reading.base().map(|base| base.robot) }
+    }
 }
 
 impl SurfaceBelief {
@@ -69,6 +84,7 @@ impl SurfaceBelief {
             n_readings: 0,
             anchor: DVec3::ZERO,
             misses: Vec::new(),
+            first_tool: None,
             may_have_moved: false,
         })
     }
@@ -106,7 +122,11 @@ impl SurfaceBelief {
         }
         spaces.push(PressSpace::of_touch(reading, sensor, self.anchor).after(n + 1));
         let (space, scale) = (&self.common.model.space, &self.common.options.scale);
-        let touch = Observation::new(&touch, self.anchor, space, scale).with_base(reading.base());
+        let mut touch =
+            Observation::new(&touch, self.anchor, space, scale).with_base(reading.base());
+        if *self.first_tool.get_or_insert(Tool::of(reading)) != Tool::of(reading) {
+            touch = touch.with_own_tool();
+        }
         let touch = touch.weighed(self.rest.explained().touches);
         Observed { touch: Some(touch), spaces }
     }

@@ -13,11 +13,14 @@ pub(crate) struct InversePose {
     pub(crate) object_from_session: Mat3,
     /// Object's origin in the session frame, relative to the anchor, metres.
     pub(crate) translation: Vec3,
+    /// True place of the sensor relative to the stated one, sensor frame, metres (equation R21a).
+    pub(crate) tool: Vec3,
 }
 
 impl InversePose {
     pub(crate) fn new(rotation: Quat, translation: Vec3) -> Self {
-        Self { object_from_session: Mat3::from_quat(rotation.conjugate()), translation }
+        let object_from_session = Mat3::from_quat(rotation.conjugate());
+        Self { object_from_session, translation, tool: Vec3::ZERO }
     }
 
     /// Angle of the rotation between two poses, rad.
@@ -37,7 +40,7 @@ impl InversePose {
     #[inline]
     pub(crate) fn touch(&self, observation: &Observation) -> TouchInObject {
         TouchInObject {
-            point: self.point(observation.position),
+            point: self.point(observation.position_with(self.tool)),
             normal: self.object_from_session * observation.normal,
             direction: self.object_from_session * observation.direction,
         }

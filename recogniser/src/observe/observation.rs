@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Mat3, Vec3};
 use palpate_core::reading::{Base, Looseness};
 
 use super::placement::{Placement, Variances};
@@ -27,6 +27,9 @@ pub(crate) struct Observation {
     pub(crate) normal: Vec3,
     pub(crate) direction: Vec3,
     pub(crate) elongation: f32,
+    /// The sensor's axes in the session frame; zero if an error of its tool centre is not shared
+    /// with the other touches.
+    pub(crate) session_from_sensor: Mat3,
     /// Weight of its evidence: 1 for a new place, lower for one touched before, and lower after
     /// motion of the object.
     pub(crate) weight: f32,
@@ -81,6 +84,7 @@ impl Observation {
             normal: touch.normal.as_vec3(),
             direction: touch.direction.as_vec3(),
             elongation: touch.elongation as f32,
+            session_from_sensor: touch.sensor_axes(),
             weight: 1.0,
             novelty: 1.0,
             placement: Placement::default(),
@@ -90,6 +94,19 @@ impl Observation {
             sharp,
             soft,
         }
+    }
+
+    /// Its position if the sensor is `tool` (sensor frame, metres) beside its stated place.
+    #[inline]
+    pub(crate) fn position_with(&self, tool: Vec3) -> Vec3 {
+        self.position + self.session_from_sensor * tool
+    }
+
+    /// The observation by another sensor than the session's first one, whose tool centre has an
+    /// error of its own.
+    pub(crate) fn with_own_tool(mut self) -> Self {
+        self.session_from_sensor = Mat3::ZERO;
+        self
     }
 
     /// The observation of a robot with this base.

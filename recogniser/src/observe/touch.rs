@@ -3,7 +3,7 @@
 //! The frame is that of the reading's pose. The stretch is the second moment of the contact's
 //! pressure (section 4.3.2.4); it has no sign: ±direction are equal.
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Mat3};
 
 use crate::model::agreement::Feature;
 use crate::model::appearance::AppearanceSpace;
@@ -25,6 +25,8 @@ pub struct Touch {
     pub normal: DVec3,
     /// Direction in which the contact is stretched: norm 1, at right angles to the normal.
     pub direction: DVec3,
+    /// The sensor's +x axis in the frame of the pose, norm 1.
+    pub sensor_x: DVec3,
     /// Elongation: (λ₁ − λ₂)/(λ₁ + λ₂) of the second moments, 0 to 1.
     pub elongation: f64,
     /// Evenness of the press, 0 to 1: mean pressure over peak. Corners, tips and contacts of the rim
@@ -32,6 +34,14 @@ pub struct Touch {
     pub evenness: f64,
     /// Appearance.
     pub feature: Feature,
+}
+
+impl Touch {
+    /// The sensor's axes as columns, in the frame of the pose. Its +z is against the normal.
+    pub(crate) fn sensor_axes(&self) -> Mat3 {
+        let (x, z) = (self.sensor_x, -self.normal);
+        Mat3::from_cols(x.as_vec3(), z.cross(x).as_vec3(), z.as_vec3())
+    }
 }
 
 /// The touch of a reading, or `None` for a miss.
@@ -51,6 +61,7 @@ pub fn observe_touch(
         position: session_from_sensor * center_of_pressure(image, sensor),
         normal: session_from_sensor.turn(DVec3::NEG_Z),
         direction: session_from_sensor.turn(direction.extend(0.0)),
+        sensor_x: session_from_sensor.turn(DVec3::X),
         elongation,
         evenness: evenness(image, sensor),
         feature: space.feature(image, sensor.grid()),

@@ -2,21 +2,22 @@
 //!
 //! Robust least squares of each touch's distance from the surface between the patches near it,
 //! of its normal and, with low weight, of its place along the surface; touches that fit nowhere
-//! lose their weight (Geman and McClure, 1987). The covariance is the inverse of the Hessian
-//! (equation R22).
+//! lose their weight (Geman and McClure, 1987). Nine unknowns: the pose, and the error of the
+//! tool centre that all touches share (equation R21a). The covariance is the inverse of the
+//! Hessian (equation R22).
 
-use glam::{Quat, Vec3};
-use nalgebra::{Matrix3, Matrix3x6, Matrix6, Vector3, Vector6};
+use glam::{Mat3, Quat, Vec3};
+use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Vector3, Vector6};
 use palpate_core::reading::Looseness;
 
 use super::surface_point::surface_point;
 use crate::model::SurfaceMap;
-use crate::observe::inverse_pose::InversePose;
 use crate::observe::observation::Observation;
 use crate::observe::placement::Shift;
-use crate::options::SurfaceOptions;
+use crate::options::{RefinementScale, SurfaceOptions};
 use crate::verify::density::Kernel;
 use crate::verify::hypothesis::Hypothesis;
+use crate::verify::tool_error;
 
 /// Maximum number of passes; the next touch refines again.
 const PASSES_MAX: usize = 3;
@@ -36,27 +37,45 @@ const FLOOR_DEVIATION: (f64, f64) = (0.000_2, 0.01);
 /// Residual in deviations at which a touch has lost three quarters of its weight.
 const OUTLIER: f32 = 3.0;
 
-/// The normal equations of a pose.
+/// Number of unknowns: translation, rotation, and error of the tool centre.
+const UNKNOWNS: usize = 9;
+
+type Hessian = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
+type Gradient = SVector<f64, UNKNOWNS>;
+
+/// The normal equations of a pose and the tool's error.
 struct System {
-    hessian: Matrix6<f64>,
-    gradient: Vector6<f64>,
+    hessian: Hessian,
+    gradient: Gradient,
 }
 
 impl Default for System {
     fn default() -> Self {
-        Self { hessian: Matrix6::zeros(), gradient: Vector6::zeros() }
+        Self { hessian: Hessian::zeros(), gradient: Gradient::zeros() }
     }
 }
 
 impl System {
     /// Adds the touches of one robot, all shifted by its base. The base's own six unknowns are
     /// eliminated (Schur complement): moving a base equals moving the object the other way, so
-    /// that with prior information Λ both H and g are multiplied by Λ (H + Λ)⁻¹.
+    /// that with prior information Λ and the columns U of the pose, H loses U (H₆ + Λ)⁻¹ Uᵀ.
     fn add_loose(&mut self, system: &Self, looseness: &Looseness) {
         let prior = diagonal((looseness.position, looseness.angle), -2);
-        let Some(factor) = (system.hessian + prior).cholesky() else { return };
-        self.hessian += prior * factor.solve(&system.hessian);
-        self.gradient += prior * factor.solve(&system.gradient);
+        let of_pose = system.hessian.fixed_view::<6, 6>(0, 0);
+        let Some(factor) = (of_pose + prior).cholesky() else { return };
+        let columns = system.hessian.fixed_columns::<6>(0);
+        let gradient = factor.solve(&system.gradient.fixed_rows::<6>(0).into_owned());
+        self.hessian += system.hessian - columns * factor.solve(&columns.transpose());
+        self.gradient += system.gradient - columns * gradient;
+    }
+
+    /// Adds the prior of the tool's error.
+    fn add_tool(&mut self, tool: Vec3, scale: &RefinementScale) {
+        let information = tool_error::information(tool, scale);
+        let mut hessian = self.hessian.fixed_view_mut::<3, 3>(6, 6);
+        hessian += Matrix3::identity() * information;
+        let mut gradient = self.gradient.fixed_rows_mut::<3>(6);
+        gradient -= column(tool) * information;
     }
 }
 
@@ -68,7 +87,8 @@ pub(crate) fn refine(
     kernel: &Kernel,
     options: &SurfaceOptions,
 ) {
-    let start = diagonal(START_DEVIATION, -2);
+    let mut start = Hessian::zeros();
+    start.fixed_view_mut::<6, 6>(0, 0).copy_from(&diagonal(START_DEVIATION, -2));
     for _pass in 0..PASSES_MAX {
         let system = linearise(hypothesis, map, touches, kernel, options);
         let Some(factor) = (system.hessian + start).cholesky() else {
@@ -77,9 +97,11 @@ pub(crate) fn refine(
         let change = factor.solve(&system.gradient);
         let moved = Vec3::new(change[0] as f32, change[1] as f32, change[2] as f32);
         let turned = Vec3::new(change[3] as f32, change[4] as f32, change[5] as f32);
+        let shifted = Vec3::new(change[6] as f32, change[7] as f32, change[8] as f32);
         hypothesis.rotation = (Quat::from_scaled_axis(turned) * hypothesis.rotation).normalize();
         hypothesis.translation += moved;
-        if moved.length() < CONVERGED.0 && turned.length() < CONVERGED.1 {
+        hypothesis.tool += shifted;
+        if moved.length().max(shifted.length()) < CONVERGED.0 && turned.length() < CONVERGED.1 {
             break;
         }
     }
@@ -93,10 +115,13 @@ pub(crate) fn covariance(
     kernel: &Kernel,
     options: &SurfaceOptions,
 ) -> Matrix6<f64> {
-    let system = linearise(hypothesis, map, touches, kernel, options);
-    let informed = system.hessian + diagonal(PRIOR_DEVIATION, -2);
+    let mut informed = linearise(hypothesis, map, touches, kernel, options).hessian;
+    let mut of_pose = informed.fixed_view_mut::<6, 6>(0, 0);
+    of_pose += diagonal(PRIOR_DEVIATION, -2);
     let unknown = || diagonal(PRIOR_DEVIATION, 2);
-    let found = informed.cholesky().map_or_else(unknown, |factor| factor.inverse());
+    let found = informed
+        .cholesky()
+        .map_or_else(unknown, |factor| factor.inverse().fixed_view::<6, 6>(0, 0).into_owned());
     found + diagonal(FLOOR_DEVIATION, 2)
 }
 
@@ -106,7 +131,7 @@ fn diagonal((position, rotation): (f64, f64), power: i32) -> Matrix6<f64> {
 }
 
 /// The normal equations at a pose; x, y, z (m), then rotation (rad) about the session's axes
-/// through the object's origin.
+/// through the object's origin, then the tool's error (m) in the sensor frame.
 fn linearise(
     hypothesis: &Hypothesis,
     map: &SurfaceMap,
@@ -116,7 +141,7 @@ fn linearise(
 ) -> System {
     let mut exact = System::default();
     let mut loose: Vec<(Shift, Looseness, System)> = Vec::new();
-    let pose = InversePose::new(hypothesis.rotation, hypothesis.translation);
+    let pose = hypothesis.inverse_pose();
     let session_from_object = pose.object_from_session.transpose();
     let along = kernel.along(map);
     let across = options.refinement.across.powi(-2);
@@ -126,8 +151,10 @@ fn linearise(
         let system = system_of(touch.placement.shifted_by(index), &mut exact, &mut loose);
         let outward = session_from_object * place.normal;
         let off = session_from_object * place.offset;
-        // The surface at the touch moves by m + ω × arm; its target is `off`.
-        let moves = moves(touch.position - hypothesis.translation);
+        // The surface moves by m + ω × arm away from the touch, the touch by R δ away from the
+        // surface; the target of both is `off`.
+        let arm = touch.position_with(hypothesis.tool) - hypothesis.translation;
+        let moves = moves(arm, touch.session_from_sensor);
         let expected = (across.recip() + position).recip();
         let trust = trust(off.dot(outward).powi(2) * expected);
         let n = column(outward);
@@ -146,6 +173,7 @@ fn linearise(
     for (_, looseness, system) in &loose {
         exact.add_loose(system, looseness);
     }
+    exact.add_tool(hypothesis.tool, &options.refinement);
     exact
 }
 
@@ -185,11 +213,14 @@ fn trust(square: f32) -> f32 {
     (1.0 + square / (OUTLIER * OUTLIER)).powi(-2)
 }
 
-fn moves(arm: Vec3) -> Matrix3x6<f64> {
-    let mut moves = Matrix3x6::zeros();
+/// Motion of the surface relative to a touch at `arm` from the object's origin, for each unknown.
+fn moves(arm: Vec3, session_from_sensor: Mat3) -> SMatrix<f64, 3, UNKNOWNS> {
+    let mut moves = SMatrix::<f64, 3, UNKNOWNS>::zeros();
     moves.fixed_view_mut::<3, 3>(0, 0).copy_from(&Matrix3::identity());
     // ω × arm = −[arm]ₓ ω.
     moves.fixed_view_mut::<3, 3>(0, 3).copy_from(&-column(arm).cross_matrix());
+    let tool = Matrix3::from_fn(|row, axis| -f64::from(session_from_sensor.col(axis)[row]));
+    moves.fixed_view_mut::<3, 3>(0, 6).copy_from(&tool);
     moves
 }
 
@@ -209,7 +240,7 @@ mod tests {
     fn refined(start: &Pose, map: &SurfaceMap, touches: &[Observation]) -> Hypothesis {
         let options = SurfaceOptions::default();
         let (rotation, translation) = single(start);
-        let mut hypothesis = Hypothesis { rotation, translation, score: 0.0 };
+        let mut hypothesis = Hypothesis::new(rotation, translation, 0.0);
         refine(&mut hypothesis, map, touches, &Kernel::new(&options), &options);
         hypothesis
     }
@@ -230,6 +261,34 @@ mod tests {
             let found = refined(&disturbed(&truth), &map, &touches);
             let (moved, turned) = error(found.rotation, found.translation, &truth);
             assert!(moved < 1e-4 && turned < 0.02, "{index}: {moved} m, {turned} rad");
+        }
+    }
+
+    /// Touches of places by a sensor whose axes turn from touch to touch, with its centre `tool`
+    /// beside where the robot states it, sensor frame.
+    fn beside(places: &[Touch], pose: &Pose, tool: DVec3) -> Vec<Observation> {
+        let touch = |(index, place): (usize, &Touch)| {
+            let turn = glam::DQuat::from_axis_angle(place.normal, 2.4 * index as f64);
+            let turned = Touch { sensor_x: turn * place.sensor_x, ..place.clone() };
+            let position = place.position - turned.sensor_axes().as_dmat3() * tool;
+            seen(&Touch { position, ..turned }, pose)
+        };
+        places.iter().enumerate().map(touch).collect()
+    }
+
+    #[test]
+    fn a_tool_centre_too_high_or_too_low_is_found() {
+        // Beside its place a smooth surface looks the same, so only the height is certain.
+        let (map, truth) = (map_of(&places(4_000, 0)), some_pose(1));
+        for tool in [DVec3::new(0.0, 0.0, -0.001), DVec3::new(0.0, 0.0, 0.002)] {
+            let touches = beside(&places(12, 11), &truth, tool);
+            let found = refined(&truth, &map, &touches);
+            let off = (f64::from(found.tool.z) - tool.z).abs();
+            let (moved, _) = error(found.rotation, found.translation, &truth);
+            assert!(off < 0.000_2 && moved < 0.000_2, "{tool}: {off} m, pose {moved} m");
+            // Touches by another sensor say nothing about the first one's centre.
+            let others: Vec<_> = touches.into_iter().map(Observation::with_own_tool).collect();
+            assert!(refined(&truth, &map, &others).tool.length() < 1e-9);
         }
     }
 
@@ -274,7 +333,7 @@ mod tests {
             places(25, 12).iter().map(|place| seen(place, &truth)).collect();
         let options = SurfaceOptions::default();
         let (rotation, translation) = single(&truth);
-        let hypothesis = Hypothesis { rotation, translation, score: 0.0 };
+        let hypothesis = Hypothesis::new(rotation, translation, 0.0);
         let kernel = Kernel::new(&options);
         let of =
             |touches: &[Observation]| covariance(&hypothesis, &map, touches, &kernel, &options);

@@ -37,7 +37,7 @@ mod tests {
 
     fn at(x: f32, angle: f32, score: f32) -> Hypothesis {
         let (rotation, translation) = (Quat::from_rotation_z(angle), Vec3::new(x, 0.0, 0.0));
-        Hypothesis { rotation, translation, score }
+        Hypothesis::new(rotation, translation, score)
     }
 
     /// The remaining scores.

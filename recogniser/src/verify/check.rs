@@ -59,6 +59,7 @@ mod tests {
     use crate::model::SurfaceMap;
     use crate::model::agreement::stored;
     use crate::model::appearance::AppearanceSpace;
+    use crate::observe::inverse_pose::InversePose;
     use crate::observe::observation::Observation;
     use crate::observe::touch::Touch;
     use crate::options::SurfaceOptions;
@@ -99,7 +100,11 @@ mod tests {
         let (kernel, touches) = (&kernel, touches.as_slice());
         let fast = Evidence { maps: &[], kernel, touches, spaces: &[], options, stop };
         let known = Known { map: session.map, prior: &MotionPrior::default() };
-        let score = |pose| f64::from(fast.score(known, &inverse(pose), f32::NEG_INFINITY).unwrap());
+        let tool = session.tool.as_vec3();
+        let score = |pose| {
+            let pose = InversePose { tool, ..inverse(pose) };
+            f64::from(fast.score(known, &pose, f32::NEG_INFINITY).unwrap())
+        };
         let lost = touches.iter().map(|touch| f64::from(kernel.floor_of(touch))).sum();
         log_sum_exp(session.poses.iter().map(score).chain([lost]))
     }
@@ -155,6 +160,7 @@ mod tests {
                 position: *pose * (place.position + off),
                 normal: pose.turn(normal),
                 direction: pose.turn(place.direction),
+                sensor_x: pose.turn(place.sensor_x),
                 ..place.clone()
             }
         };
@@ -167,7 +173,8 @@ mod tests {
         let mut place = |place: Touch| {
             let normal = (DVec3::Z + 0.3 * stream.direction()).normalize();
             let direction = normal.any_orthonormal_vector();
-            Touch { position: 0.001 * stream.direction(), normal, direction, ..place }
+            let position = 0.001 * stream.direction();
+            Touch { position, normal, direction, sensor_x: direction, ..place }
         };
         varied(places(n, 0).into_iter().map(&mut place).collect(), elongation, 4)
     }
@@ -182,9 +189,11 @@ mod tests {
                 let places = cluster(n, elongation);
                 let (map, touches) = (map(&places), touched(&places, &pose, 5));
                 let (space, options) = (&space, &options);
-                let session =
-                    Session { map: &map, space, options, touches: &touches, poses: &poses };
-                check_recogniser(fast, evidence, &[("cluster", session)], tolerance);
+                for tool in [DVec3::ZERO, DVec3::new(0.001, -0.000_4, 0.000_7)] {
+                    let (map, touches, poses) = (&map, touches.as_slice(), &poses);
+                    let session = Session { map, space, options, touches, poses, tool };
+                    check_recogniser(fast, evidence, &[("cluster", session)], tolerance);
+                }
             }
         }
     }
@@ -220,6 +229,7 @@ mod tests {
                 options: &options,
                 touches,
                 poses: &poses,
+                tool: DVec3::ZERO,
             };
             let sessions: Vec<(&str, Session<'_>)> =
                 readings.iter().map(|touches| ("ellipsoid", session(touches))).collect();
@@ -255,7 +265,8 @@ mod tests {
             .iter()
             .map(|touches| {
                 let (map, space, options) = (&map, &space, &options);
-                ("pair", Session { map, space, options, touches, poses: &[] })
+                let (poses, tool) = (&[], DVec3::ZERO);
+                ("pair", Session { map, space, options, touches, poses, tool })
             })
             .collect();
         let reference = |session: &Session<'_>| pair_evidence(session).unwrap().ln();
@@ -276,6 +287,7 @@ mod tests {
             options: &options,
             touches: &touches,
             poses: &poses,
+            tool: DVec3::ZERO,
         };
         // As if the fast path assumed a deviation of normals larger by a half.
         let mut wrong = options;

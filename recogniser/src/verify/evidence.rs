@@ -7,6 +7,7 @@ use palpate_core::stop::Stop;
 use super::density::Kernel;
 use super::free_space::contradiction;
 use super::motion_prior::MotionPrior;
+use super::tool_error;
 use crate::model::SurfaceMap;
 use crate::observe::inverse_pose::InversePose;
 use crate::observe::observation::Observation;
@@ -55,6 +56,7 @@ impl Evidence<'_> {
         let map = object.map;
         let mut sum = self.kernel.score_all(map, pose, touches, bar)?;
         sum += object.prior.log_density(pose);
+        sum += tool_error::log_density(pose.tool, &self.options.refinement);
         for space in self.spaces {
             if sum < bar {
                 return None;

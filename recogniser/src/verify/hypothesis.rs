@@ -10,14 +10,22 @@ use crate::observe::inverse_pose::InversePose;
 pub(crate) struct Hypothesis {
     pub(crate) rotation: Quat,
     pub(crate) translation: Vec3,
+    /// δ of equation R21a: where the sensor truly is relative to its stated place, in the sensor
+    /// frame, metres.
+    pub(crate) tool: Vec3,
     /// S_h of equation R17: ln density of all observations.
     pub(crate) score: f32,
 }
 
 impl Hypothesis {
+    /// A hypothesis with a right tool centre.
+    pub(crate) fn new(rotation: Quat, translation: Vec3, score: f32) -> Self {
+        Self { rotation, translation, tool: Vec3::ZERO, score }
+    }
+
     /// The inverse pose for look-ups.
     pub(crate) fn inverse_pose(&self) -> InversePose {
-        InversePose::new(self.rotation, self.translation)
+        InversePose { tool: self.tool, ..InversePose::new(self.rotation, self.translation) }
     }
 
     /// `session_from_object` of a session with this anchor.

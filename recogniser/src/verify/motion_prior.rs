@@ -42,7 +42,8 @@ impl MotionPrior {
     pub(crate) fn new(hypotheses: &[Hypothesis], motion: &Looseness) -> Self {
         let best = hypotheses.first().map_or(0.0, |hypothesis| hypothesis.score);
         let total: f32 = hypotheses.iter().map(|h| (h.score - best).exp()).sum();
-        let pose = |h: &Hypothesis| (h.inverse_pose(), (h.score - best).exp() / total);
+        let at = |h: &Hypothesis| InversePose::new(h.rotation, h.translation);
+        let pose = |h: &Hypothesis| (at(h), (h.score - best).exp() / total);
         let poses = hypotheses.iter().take(POSES_MAX).map(pose).collect();
         let (position, angle) = (motion.position.powi(2) as f32, motion.angle.powi(2) as f32);
         Self { poses, position, angle }
@@ -92,7 +93,7 @@ mod tests {
 
     fn at(x: f32, angle: f32, score: f32) -> Hypothesis {
         let (rotation, translation) = (Quat::from_rotation_z(angle), Vec3::new(x, 0.0, 0.0));
-        Hypothesis { rotation, translation, score }
+        Hypothesis::new(rotation, translation, score)
     }
 
     const MOTION: Looseness = Looseness { position: 0.010, angle: 0.2 };

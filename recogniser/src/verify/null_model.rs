@@ -91,6 +91,7 @@ pub(crate) fn self_match(
         let index = sample * patches.len() / n;
         let patch = &patches[index];
         let touch = Touch {
+            sensor_x: patch.direction.as_dvec3(),
             position: patch.position.as_dvec3(),
             normal: patch.normal.as_dvec3(),
             direction: patch.direction.as_dvec3(),

@@ -31,6 +31,8 @@ pub struct Session<'a> {
     pub touches: &'a [Touch],
     /// `session_from_object`.
     pub poses: &'a [Pose],
+    /// True place of the sensor relative to the stated one, sensor frame, metres (equation R21a).
+    pub tool: DVec3,
 }
 
 /// ln L_o of equation R17 for k = 3: the sum over the session's poses and over the case that all
@@ -41,15 +43,21 @@ pub fn evidence(session: &Session<'_>) -> f64 {
     let placed: Vec<Placed> = (0..session.touches.len()).map(|n| Placed::new(session, n)).collect();
     let touches = || session.touches.iter().zip(&placed);
     let score = |pose: &Pose| -> f64 {
-        touches()
-            .map(|(touch, at)| at.weight * density(session, &bends, pose, touch, at).ln())
-            .sum()
+        let all =
+            touches().map(|(touch, at)| at.weight * density(session, &bends, pose, touch, at).ln());
+        all.sum::<f64>() + tool_prior(session)
     };
     let lost = touches().map(|(_, at)| {
         at.weight * (f64::from(session.options.scale.outliers) + at.off_object).ln()
     });
     let lost = lost.sum::<f64>();
     log_sum_exp(session.poses.iter().map(score).chain([lost]))
+}
+
+/// ln prior density of the tool's error relative to none. Equation R21a.
+fn tool_prior(session: &Session<'_>) -> f64 {
+    let of_usual = session.tool / f64::from(session.options.refinement.tool);
+    -2.0 * (1.0 + of_usual.length_squared()).ln()
 }
 
 /// Placement of a touch: its weight, the variances of its position and angle, and its off-object
@@ -96,7 +104,9 @@ impl Placed {
 fn density(session: &Session<'_>, bends: &[Bend], pose: &Pose, touch: &Touch, at: &Placed) -> f64 {
     let scale = &session.options.scale;
     let object_from_session = pose.inverse();
-    let point = object_from_session * touch.position;
+    let (x, z) = (touch.sensor_x, -touch.normal);
+    let off = session.tool.x * x + session.tool.y * z.cross(x) + session.tool.z * z;
+    let point = object_from_session * (touch.position + off);
     let normal = object_from_session.turn(touch.normal);
     let direction = object_from_session.turn(touch.direction);
     let across = f64::from(scale.across).powi(2) + at.position;

@@ -34,7 +34,7 @@ fn an_unsteady_touch_proposes_nothing_once_poses_are_good() {
         let newest = Touch { evenness, ..first[80].clone() };
         let mut component = observed(&common, &[&first[20], &first[40], &first[60], &newest]);
         let (rotation, translation) = single(&some_pose(5));
-        let hypothesis = Hypothesis { rotation, translation, score: 60.0 };
+        let hypothesis = Hypothesis::new(rotation, translation, 60.0);
         let hypotheses = if is_known { vec![hypothesis] } else { Vec::new() };
         let known = ObjectBelief { hypotheses, ..ObjectBelief::new(0.0) };
         component.conclude(Stage::Poses, vec![known, ObjectBelief::new(0.0)]);

@@ -10,7 +10,7 @@ type Row = [f64; 2];
 
 /// A hypothesis at `x` metres with a score.
 fn at(x: f32, score: f32) -> Hypothesis {
-    Hypothesis { rotation: glam::Quat::IDENTITY, translation: glam::Vec3::X * x, score }
+    Hypothesis::new(glam::Quat::IDENTITY, glam::Vec3::X * x, score)
 }
 
 /// Gives a component one hypothesis of each object, and the evidence of its row.
