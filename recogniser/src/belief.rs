@@ -8,6 +8,7 @@ pub mod calibrate;
 mod checkpoint;
 mod common;
 mod component;
+mod felt;
 mod motion;
 mod object;
 mod posterior;

@@ -12,4 +12,6 @@ pub(crate) mod free_space;
 pub(crate) mod hypothesis;
 pub(crate) mod motion_prior;
 pub(crate) mod null_model;
+#[cfg(test)]
+mod point_tests;
 pub mod reference;

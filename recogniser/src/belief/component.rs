@@ -15,7 +15,7 @@ use super::search::{
 };
 use super::stage::Stage;
 use crate::model::joint_pairs::TOUCHES_PER_OBJECT;
-use crate::observe::observation::Observation;
+use crate::observe::observation::{Observation, Says};
 use crate::observe::press_space::PressSpace;
 use crate::propose::partners::{in_turn, partners};
 use crate::refine::likeness::look_alike;
@@ -152,8 +152,11 @@ impl Component {
 
     /// The evidence of one touch: its appearance. Equation R17 of docs/recogniser.md, k = 1.
     fn weigh_appearance(&mut self, common: &Common) {
-        self.stage = Stage::Appearance;
         let touch = &self.touches[0];
+        if touch.says != Says::All {
+            return;
+        }
+        self.stage = Stage::Appearance;
         let is_large = common.model.joint_pairs().is_some();
         let most = if is_large { TOUCHES_PER_OBJECT } else { usize::MAX };
         for_each_object(&mut self.objects, common.model.maps(), &common.stop, |object, map| {
@@ -309,7 +312,9 @@ impl Component {
 
     /// Whether even the best hypothesis explains the touches poorly.
     pub(super) fn is_poor(&self, common: &Common) -> bool {
-        let least = f64::from(common.options.score.poor) * n_weighed(&self.touches);
+        let expected = |touch: &Observation| f64::from(touch.weight * touch.expected_loss());
+        let lost: f64 = self.touches.iter().map(expected).sum();
+        let least = f64::from(common.options.score.poor) * n_weighed(&self.touches) - lost;
         f64::from(best_score(&self.objects)) < least
     }
 
