@@ -11,6 +11,7 @@ mod component;
 mod felt;
 mod motion;
 mod object;
+mod positions;
 mod posterior;
 mod predictive;
 mod retrieval;

@@ -8,6 +8,7 @@ use palpate_core::reading::Looseness;
 use super::common::Common;
 use super::motion::Motion;
 use super::object::{ObjectBelief, for_each_object, n_searched, searched};
+use super::positions;
 use super::posterior::{Explained, n_weighed, posterior};
 use super::retrieval::{n_candidates, retrieval_bar, retrieve};
 use super::search::{
@@ -261,8 +262,12 @@ impl Component {
             retrieval_bar(&self.objects, n_candidates(budget, n_objects, n, is_open))
         });
         let scope = Scope::in_doubt(&self.objects, reach, least, is_large, options);
+        let needs_positions = positions::are_needed(&self.touches);
         let (objects, evidence) = self.split(common);
         propose_poses(objects, &evidence, &asked, &scope);
+        if needs_positions {
+            positions::propose_by_positions(objects, &evidence, &scope);
+        }
     }
 
     /// The newest touch and some partners propose poses of the likeliest objects.

@@ -73,7 +73,7 @@ fn keep_likeliest(matches: &mut Vec<Match>, n: usize) {
 }
 
 /// Proposes poses of an object for two touches; `None` when they are at one place or a normal is
-/// missing (`propose::triples` proposes by positions alone). `appearances`
+/// missing (`belief::positions` proposes without). `appearances`
 /// are the ratios of both at the patches that are looked up ([`Effort::appearance_ratios`]).
 ///
 /// Equation R10 of docs/recogniser.md.
