@@ -127,6 +127,8 @@ impl TouchSession {
             feature: None,
             approach_m: touch.approach_m,
             object_moved: None,
+            contact: None,
+            shear: None,
         };
         let readings = AddReadings { readings: vec![reading] };
         let query = ReadingsQuery { belief: Some(BeliefDetail::Full) };

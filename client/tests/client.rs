@@ -87,6 +87,8 @@ fn reading(robot: Option<&str>) -> AddReadings {
         feature: None,
         approach_m: None,
         object_moved: None,
+        contact: None,
+        shear: None,
     };
     AddReadings { readings: vec![reading] }
 }
