@@ -76,6 +76,8 @@ mod tests {
             feature: None,
             approach_m: None,
             object_moved: None,
+            contact: None,
+            shear: None,
         }
     }
 

@@ -34,6 +34,8 @@ async fn main() -> Result<(), Box<dyn std::error::Error>> {
                 pose: reading.pose,
                 image: reading.image,
                 approach_m: reading.approach_m,
+                contact: reading.contact,
+                shear: reading.shear,
                 stamp: None,
             })
             .await?;

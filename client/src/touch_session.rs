@@ -3,8 +3,8 @@
 //! in which they were taken.
 
 use palpate_schemas::{
-    AddReadings, AskNextTouches, Belief, BeliefDetail, CreateSession, NextTouches, Pose, Reading,
-    ReadingsQuery, Session, Stamp,
+    AddReadings, AskNextTouches, Belief, BeliefDetail, Contact, CreateSession, NextTouches, Pose,
+    Reading, ReadingsQuery, Session, Stamp,
 };
 use uuid::Uuid;
 
@@ -22,15 +22,19 @@ pub struct TouchSession {
     stamps: Stamps,
 }
 
-/// One press.
-#[derive(Clone, Debug, PartialEq)]
+/// One press, or one contact without an image.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Touch {
     /// Id or name of the sensor.
     pub sensor: String,
     /// `session_from_sensor`; `None` if the session's method needs no poses.
     pub pose: Option<Pose>,
-    /// Pressures in pascal, as the driver sends them.
+    /// Pressures in pascal, as the driver sends them; empty for a contact without an image.
     pub image: Vec<Option<f64>>,
+    /// A contact without an image, which has its own position and no `pose`.
+    pub contact: Option<Contact>,
+    /// Shear of three-axis taxels in pascal, two values for each taxel of the image.
+    pub shear: Option<Vec<Option<[f64; 2]>>>,
     /// Distance in metres that the sensor travelled along its +z without contact; important for a
     /// press that met nothing.
     pub approach_m: Option<f64>,
@@ -104,7 +108,17 @@ impl TouchSession {
         approach_m: Option<f64>,
     ) -> Result<Belief, Error> {
         let (sensor, pose) = (sensor.to_owned(), pose.into());
-        self.send(Touch { sensor, pose, image, approach_m, stamp: None }).await
+        self.send(Touch { sensor, pose, image, approach_m, ..Touch::default() }).await
+    }
+
+    /// Sends one contact without an image, as a bumper, a force–torque sensor or a single taxel
+    /// feels it, and returns the belief after it.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn feel(&mut self, sensor: &str, contact: Contact) -> Result<Belief, Error> {
+        let (sensor, contact) = (sensor.to_owned(), Some(contact));
+        self.send(Touch { sensor, contact, ..Touch::default() }).await
     }
 
     /// Like [`TouchSession::touch`], with all properties of a press.
@@ -127,6 +141,8 @@ impl TouchSession {
             feature: None,
             approach_m: touch.approach_m,
             object_moved: None,
+            contact: touch.contact,
+            shear: touch.shear,
         };
         let readings = AddReadings { readings: vec![reading] };
         let query = ReadingsQuery { belief: Some(BeliefDetail::Full) };

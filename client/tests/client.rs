@@ -87,6 +87,8 @@ fn reading(robot: Option<&str>) -> AddReadings {
         feature: None,
         approach_m: None,
         object_moved: None,
+        contact: None,
+        shear: None,
     };
     AddReadings { readings: vec![reading] }
 }
@@ -345,7 +347,7 @@ async fn readings_are_stamped_and_a_repeat_keeps_its_stamp() {
         pose: None,
         image: vec![None],
         approach_m: None,
-        stamp: None,
+        ..Touch::default()
     };
     assert!(session.send(press.clone()).await.is_err());
     assert!(session.send(press.clone()).await.is_ok());

@@ -1,11 +1,15 @@
-//! A reading: one press of a tactile sensor, checked at construction.
+//! A reading: one press of a tactile sensor, checked at construction, or a contact without an
+//! image ([`point_contact`]).
 //!
 //! Pressures are in pascal, row-major in the sensor frame's order; a missing value marks an
 //! invalid taxel. The pose is `session_from_sensor` (in training, the session frame is the
 //! object's). The numbers of a [`Reading`] are finite.
 
+pub mod point_contact;
+
 use thiserror::Error;
 
+use self::point_contact::PointContact;
 use crate::pose::Pose;
 use crate::sensor::{Calibration, SensorDescription};
 use crate::units::Shown;
@@ -67,6 +71,36 @@ pub struct Reading {
     missing: Vec<bool>,
     approach: f64,
     base: Option<Base>,
+}
+
+/// What a sensor felt: a press with an image, or a contact without one. Methods that compare
+/// images take a [`Reading`]; what takes both takes this.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Felt {
+    /// A press with its image.
+    Press(Reading),
+    /// A contact without an image.
+    Contact(PointContact),
+}
+
+impl Felt {
+    /// The press, unless it is a contact without an image.
+    #[must_use]
+    pub fn press(&self) -> Option<&Reading> {
+        match self {
+            Self::Press(reading) => Some(reading),
+            Self::Contact(_) => None,
+        }
+    }
+
+    /// The same by a robot with an uncertain base.
+    #[must_use]
+    pub fn with_base(self, base: Base) -> Self {
+        match self {
+            Self::Press(reading) => Self::Press(reading.with_base(base)),
+            Self::Contact(contact) => Self::Contact(contact.with_base(base)),
+        }
+    }
 }
 
 /// Error of numbers that are not a reading.

@@ -21,5 +21,7 @@ pub fn on_the_wire(reading: &Reading, sensor: &str) -> wire::Reading {
         feature: None,
         approach_m: None,
         object_moved: None,
+        contact: None,
+        shear: None,
     }
 }

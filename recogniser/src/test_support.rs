@@ -37,6 +37,7 @@ pub(crate) fn on_ellipsoid(stream: &mut Stream) -> Touch {
         elongation: 0.0,
         evenness: 1.0,
         feature: [0.0; N_AXES],
+        point: None,
     }
 }
 

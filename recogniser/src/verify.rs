@@ -12,5 +12,7 @@ pub(crate) mod free_space;
 pub(crate) mod hypothesis;
 pub(crate) mod motion_prior;
 pub(crate) mod null_model;
+#[cfg(test)]
+mod point_tests;
 pub mod reference;
 pub(crate) mod tool_error;

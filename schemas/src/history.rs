@@ -7,7 +7,7 @@ use uuid::Uuid;
 use crate::access::Writer;
 use crate::belief::Belief;
 use crate::pose::Pose;
-use crate::reading::{Looseness, Stamp};
+use crate::reading::{Contact, Looseness, Stamp};
 
 /// A stored reading of a session.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
@@ -37,8 +37,14 @@ pub struct SessionReading {
     pub retraction_written_by: Option<Writer>,
     /// The sensor's pose in the session frame; null if unknown.
     pub pose: Option<Pose>,
-    /// Pressures in pascal, as sent.
+    /// Pressures in pascal, as sent; empty for a contact without an image.
     pub image: Vec<Option<f64>>,
+    /// The contact of a reading without an image; null for one with an image.
+    #[serde(default)]
+    pub contact: Option<Contact>,
+    /// Shear in pascal, as sent: two values for each taxel; null if not sent.
+    #[serde(default)]
+    pub shear: Option<Vec<Option<[f64; 2]>>>,
     /// Number of the sensor calibration applied to the pressures; null if there was none.
     pub calibration: Option<u32>,
     /// The client's own feature of the press; null if not sent.

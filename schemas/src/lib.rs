@@ -68,7 +68,7 @@ pub use object::{
 pub use page::PageQuery;
 pub use pose::Pose;
 pub use problem::{FieldError, Problem, ProblemType};
-pub use reading::{Looseness, Reading, Stamp};
+pub use reading::{Contact, Looseness, Reading, Stamp};
 pub use sensor::{
     CreateSensor, DescribeSensor, ForceKnot, ImageOrder, Point, ReadingCheck, Sensor,
     SensorDescription, SensorPage, SensorPreset, TaxelGrid,

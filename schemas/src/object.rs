@@ -209,6 +209,9 @@ pub struct StoredReading {
     pub pose: Option<Pose>,
     /// Pressures in pascal, as sent.
     pub image: Vec<Option<f64>>,
+    /// Shear in pascal, as sent: two values for each taxel; null if not sent.
+    #[serde(default)]
+    pub shear: Option<Vec<Option<[f64; 2]>>>,
     /// Number of the sensor calibration applied to the pressures; null if there was none.
     #[serde(default)]
     pub calibration: Option<u32>,

@@ -1,14 +1,14 @@
-//! A reading on the wire: one press of a tactile sensor.
+//! A reading on the wire: one press of a tactile sensor, or one contact without an image.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use crate::pose::Pose;
 
-/// One press: the image and, if known, the sensor's pose.
+/// One press: the image and, if known, the sensor's pose; or one contact without an image.
 ///
 /// A press without contact is evidence too: send it.
-#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Reading {
     /// Name of the robot that took the reading. `robot` and `seq` together identify the reading, so
@@ -40,9 +40,21 @@ pub struct Reading {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pose: Option<Pose>,
     /// Pressures in pascal, row by row as the sensor's driver sends them; `null` marks a taxel
-    /// without a value.
+    /// without a value. Exactly one of `image` and `contact` is given.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schema(max_items = 16_384)]
     pub image: Vec<Option<f64>>,
+    /// A contact without an image, as a bumper, a force–torque sensor or a single taxel feels it.
+    /// It has its own position, so the reading has no `pose`. The method `surface` uses it, the
+    /// others ignore it with a warning. Sessions only: objects are learnt from images.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contact: Option<Contact>,
+    /// Shear of three-axis taxels in pascal: two values for each taxel, along the sensor's +x and
+    /// +y, in the order of the image; `null` marks a taxel without a value. It is stored and
+    /// returned with the reading. No method uses it yet, and the answer warns.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(max_items = 16_384)]
+    pub shear: Option<Vec<Option<[f64; 2]>>>,
     /// The client's own feature of the press, such as a learned code: 1 to 4096 numbers within
     /// ±10⁹. Only for catalogues whose appearance is trained from `features`. All readings of a
     /// catalogue have the same number of components.
@@ -50,7 +62,8 @@ pub struct Reading {
     #[schema(min_items = 1, max_items = 4096)]
     pub feature: Option<Vec<f64>>,
     /// Distance in metres that the sensor travelled along its +z to the pose without contact, 0 to
-    /// 10. If the press met nothing, `surface` takes the whole path as free space.
+    /// 10; for a `contact`, against its normal to its position. If the press met nothing, `surface`
+    /// takes the whole path as free space.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 0.0, maximum = 10.0, example = 0.12)]
     pub approach_m: Option<f64>,
@@ -59,6 +72,42 @@ pub struct Reading {
     /// this amount. Retracting the reading retracts the motion.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub object_moved: Option<Looseness>,
+}
+
+/// A contact without an image: where a surface was felt, or that nothing was felt there.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Contact {
+    /// Whether something was touched; `false` means that nothing is at the position. Default: true.
+    #[serde(default = "touched")]
+    #[schema(default = true)]
+    pub touched: bool,
+    /// Position of the contact in the session frame, in metres: x, y, z.
+    #[schema(example = json!([0.412, -0.085, 0.163]))]
+    pub position: [f64; 3],
+    /// Standard deviation of the position in each direction, in metres, at most 0.1: of the sensor
+    /// and of the arm's pose together. A bumper may know 0.02, a taxel half its width.
+    #[schema(exclusive_minimum = 0.0, maximum = 0.1, example = 0.002)]
+    pub position_deviation_m: f64,
+    /// Outward normal of the touched surface in the session frame, a unit vector x, y, z: against
+    /// the direction of the push. Leave it out if it is unknown.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(example = json!([0.0, 0.0, 1.0]))]
+    pub normal: Option<[f64; 3]>,
+    /// Standard deviation of the normal about either axis, in radians, at most 1. Given with
+    /// `normal`, and only then.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(exclusive_minimum = 0.0, maximum = 1.0, example = 0.2)]
+    pub normal_deviation_rad: Option<f64>,
+    /// Normal force in newton, 0 to 100,000. It is stored and returned; no method uses it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 0.0, maximum = 100_000.0, example = 2.5)]
+    pub force_n: Option<f64>,
+}
+
+/// A contact touches unless it says otherwise.
+fn touched() -> bool {
+    true
 }
 
 /// Uncertainty of a position and orientation, as standard deviations.

@@ -44,4 +44,8 @@ pub enum WarningCode {
     FewTouches,
     /// The training skipped objects.
     ObjectsSkipped,
+    /// The session's method needs images and ignores contacts without one.
+    ContactIgnored,
+    /// Shear is stored with the reading, and no method uses it.
+    ShearIgnored,
 }

@@ -50,19 +50,38 @@ pub(crate) struct Hint {
 /// A reading to be judged.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Judged<'a> {
-    pub(crate) reading: &'a Reading,
-    pub(crate) sensor: &'a SensorDescription,
-    /// Pose of the sensor, if stated.
-    pub(crate) pose: Option<Pose>,
+    /// The press and its sensor; `None` for a contact without an image.
+    press: Option<(&'a Reading, &'a SensorDescription)>,
+    /// Position of the sensor or of the contact, if stated.
+    position: Option<DVec3>,
+    /// The field of the position.
+    field: &'static str,
+}
+
+impl<'a> Judged<'a> {
+    /// A press; `pose` is the sensor's, if stated.
+    pub(crate) fn press(
+        reading: &'a Reading,
+        sensor: &'a SensorDescription,
+        pose: Option<Pose>,
+    ) -> Self {
+        let position = pose.map(|pose| pose.translation);
+        Self { press: Some((reading, sensor)), position, field: "/pose/position" }
+    }
+
+    /// A contact without an image.
+    pub(crate) fn contact(position: DVec3) -> Self {
+        Self { press: None, position: Some(position), field: "/contact/position" }
+    }
 }
 
 /// The probable mistakes in one reading.
 pub(crate) fn of_reading(judged: Judged<'_>) -> Vec<Hint> {
-    let mut hints: Vec<Hint> = pressures(&judged)
-        .into_iter()
-        .map(|(code, detail)| Hint { code, field: "/image", detail })
-        .collect();
-    hints.extend(judged.pose.and_then(|pose| far(pose.translation)));
+    let of_image =
+        judged.press.map_or_else(Vec::new, |(reading, sensor)| pressures(reading, sensor));
+    let mut hints: Vec<Hint> =
+        of_image.into_iter().map(|(code, detail)| Hint { code, field: "/image", detail }).collect();
+    hints.extend(judged.position.and_then(|position| far(position, judged.field)));
     hints
 }
 
@@ -70,12 +89,12 @@ pub(crate) fn of_reading(judged: Judged<'_>) -> Vec<Hint> {
 /// the first reading concerned. All are of one object; `first` is the position of the
 /// object's or the session's first reading, if there is one.
 pub(crate) fn of_readings(readings: &[Judged<'_>], first: Option<DVec3>) -> Vec<Warning> {
-    let position = |judged: &Judged<'_>| judged.pose.map(|pose| pose.translation);
-    let first = first.or_else(|| readings.iter().find_map(position));
+    let first = first.or_else(|| readings.iter().find_map(|judged| judged.position));
     let mut found: BTreeMap<WarningCode, (usize, usize, Hint)> = BTreeMap::new();
     for (index, judged) in readings.iter().enumerate() {
         let mut hints = of_reading(*judged);
-        let apart = first.zip(position(judged)).and_then(|(first, here)| apart(first, here));
+        let both = first.zip(judged.position);
+        let apart = both.and_then(|(first, here)| apart(first, here, judged.field));
         hints.extend(apart);
         for hint in hints {
             found.entry(hint.code).or_insert((index, 0, hint)).1 += 1;
@@ -95,8 +114,8 @@ pub(crate) fn of_readings(readings: &[Judged<'_>], first: Option<DVec3>) -> Vec<
     found.into_values().map(warning).collect()
 }
 
-fn pressures(judged: &Judged<'_>) -> Vec<(WarningCode, String)> {
-    let (image, sensor) = (judged.reading.image(), judged.sensor);
+fn pressures(reading: &Reading, sensor: &SensorDescription) -> Vec<(WarningCode, String)> {
+    let image = reading.image();
     let parameters = sensor.parameters();
     let (max, saturation) = (image.max(), parameters.saturation);
     let min = image.pressures.iter().copied().fold(f64::MAX, f64::min);
@@ -147,7 +166,7 @@ fn too_small(max: f64, floor: f64, sensor: &SensorDescription) -> String {
 }
 
 /// A position that no arm reaches.
-fn far(position: DVec3) -> Option<Hint> {
+fn far(position: DVec3, field: &'static str) -> Option<Hint> {
     let distance = position.length();
     if distance <= REACH {
         return None;
@@ -165,15 +184,15 @@ fn far(position: DVec3) -> Option<Hint> {
         "the sensor is {} m from the origin of its frame, further than an arm reaches: {meant}",
         Shown(distance)
     );
-    Some(Hint { code, field: "/pose/position", detail })
+    Some(Hint { code, field, detail })
 }
 
 /// A position too far from the first for both to touch one object.
-fn apart(first: DVec3, here: DVec3) -> Option<Hint> {
+fn apart(first: DVec3, here: DVec3, field: &'static str) -> Option<Hint> {
     let distance = first.distance(here);
     (distance > SIZE_LARGE).then(|| Hint {
         code: WarningCode::PositionsApart,
-        field: "/pose/position",
+        field,
         detail: format!(
             "the sensor is {} m from where the first reading was, and one object of at most \
              {SIZE_LARGE} m is expected: are positions in metres, and in one frame?",

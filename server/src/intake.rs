@@ -10,7 +10,8 @@ use palpate_store::database::Database;
 use crate::clock::now_ms;
 use crate::extract::{parse, parse_msgpack};
 use crate::services::sensors::Sensors;
-use crate::wire::reading::{check_size, from_store, readings};
+use crate::wire::felt::from_store;
+use crate::wire::reading::{check_size, readings};
 
 /// Encoding of a body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -20,8 +20,8 @@ mod status;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
+use glam::DVec3;
 use palpate_core::belief::answer::Answer;
-use palpate_core::pose::Pose;
 use palpate_core::stop::Stop;
 use palpate_schemas as wire;
 use palpate_schemas::SessionEvent;
@@ -80,7 +80,7 @@ pub(crate) struct Live {
     events: broadcast::Sender<SessionEvent>,
     last_use: AtomicU64,
     account: Account,
-    first_pose: OnceLock<Option<Pose>>,
+    first_place: OnceLock<Option<DVec3>>,
 }
 
 /// Error of one session in memory.
@@ -144,8 +144,8 @@ impl Live {
         let tools = Arc::clone(tools);
         let (events, _) = broadcast::channel(EVENTS_MAX);
         let (last_use, account) = (AtomicU64::new(0), total.open(ENTRY_BYTES));
-        let (turns, first_pose) = (Turns::default(), OnceLock::new());
-        Self { tools, session, model, turns, events, last_use, account, first_pose }
+        let (turns, first_place) = (Turns::default(), OnceLock::new());
+        Self { tools, session, model, turns, events, last_use, account, first_place }
     }
 
     pub(crate) fn session(&self) -> &Session {

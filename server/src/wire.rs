@@ -11,6 +11,7 @@ pub(crate) mod belief;
 pub(crate) mod calibration;
 mod descriptor;
 pub(crate) mod evidence;
+pub(crate) mod felt;
 pub(crate) mod geometry;
 pub(crate) mod history;
 pub(crate) mod life;

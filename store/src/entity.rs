@@ -7,6 +7,7 @@ mod stored;
 
 use palpate_core::pose::Pose;
 use palpate_core::reading::Looseness;
+use palpate_core::reading::point_contact::ContactNumbers;
 use palpate_core::sensor::SensorDescription;
 use uuid::Uuid;
 
@@ -160,6 +161,11 @@ pub struct StoredReading {
     pub approach: f64,
     /// Possible motion of the object since the previous reading.
     pub object_moved: Option<Looseness>,
+    /// The contact of a reading without an image; then there are no pressures and no pose.
+    pub contact: Option<ContactNumbers>,
+    /// Shear of three-axis taxels in pascal, along the sensor's +x and +y, in the driver's order;
+    /// `None` is a taxel without a value.
+    pub shear: Option<Vec<Option<[f64; 2]>>>,
 }
 
 impl StoredReading {

@@ -67,6 +67,8 @@ fn readings() -> Vec<palpate_schemas::Reading> {
             feature: None,
             approach_m: None,
             object_moved: None,
+            contact: None,
+            shear: None,
         }
     };
     touches.iter().map(as_sent).collect()

@@ -1,5 +1,6 @@
 //! `palpate sessions`: sessions, their readings and beliefs.
 
+mod feel;
 mod history;
 
 use clap::{Args, Subcommand};
@@ -79,6 +80,11 @@ enum Action {
         /// Id of the session.
         session: Uuid,
     },
+    /// Send one contact without an image: of a bumper, a force–torque sensor or a single taxel.
+    #[command(after_help = "Examples:\n  palpate sessions feel <session> --sensor wrist \
+        --position 0.41 -0.08 0.16 --normal 0 0 1\n  palpate sessions feel <session> \
+        --sensor wrist --position 0.41 -0.08 0.16 --deviation-mm 10 --missed")]
+    Feel(feel::FeelArgs),
     /// Retract a reading: it no longer counts, as if it had never arrived.
     #[command(after_help = "Examples:\n  palpate sessions retract <session> 17\n  \
         palpate sessions retract <session> --robot arm-3 --seq 4")]
@@ -176,6 +182,14 @@ pub(crate) async fn run(args: SessionsArgs, context: &Context) -> anyhow::Result
         Action::Readings { session } => {
             let readings = history::readings(client, session).await?;
             output.answer(&readings, history::readings_words)
+        }
+        Action::Feel(args) => {
+            let added = feel::feel(client, args).await?;
+            output.answer(&added, |added| {
+                let warnings = added.warnings.iter().map(|warning| format!("\n{}", warning.detail));
+                let belief = added.belief.as_ref().map(one_line).unwrap_or_default();
+                format!("{belief}{}", warnings.collect::<String>())
+            })
         }
         Action::Retract { session, number, robot, seq } => {
             let retracted = history::retract(client, session, number, robot.zip(seq)).await?;

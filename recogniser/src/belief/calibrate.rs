@@ -17,6 +17,7 @@ use super::posterior::counted;
 use super::surface_belief::SurfaceBelief;
 use crate::model::SurfaceModel;
 use crate::model::calibration::{CalibrationBasis, EvidenceCalibration, EvidenceStage};
+use crate::observe::observation::Says;
 use crate::options::{ScoreScale, SurfaceOptions};
 use crate::verify::null_model::{self, Counted};
 
@@ -165,7 +166,7 @@ fn run_trial(
         let evidence = |o: usize| Evidence {
             log: rest.objects[o].log_evidence,
             log_prior: common.prior.log_objects[o],
-            self_match: common.self_match(o),
+            self_match: common.self_match(o, Says::All),
         };
         let likely = likeliest(rest.objects, object, options.score.negligible);
         let own = is_known.then(|| evidence(object));
@@ -281,7 +282,7 @@ mod tests {
         let ratio = if is_known { 3.0 } else { -3.0 } + 6f64.sqrt() * stream.normal();
         let evidence =
             Evidence { log: UNKNOWN + TEMPERATURE * ratio, log_prior: 0.0, self_match: 12.0 };
-        let counted = Counted { touches: 2.0, loss: 0.0 };
+        let counted = Counted { touches: 2.0, loss: 0.0, lacking: [0.0; 2] };
         let (own, others) =
             if is_known { (Some(evidence), vec![]) } else { (None, vec![evidence]) };
         Sample { stage: 1, counted, own, others }

@@ -7,7 +7,7 @@ use palpate_core::stop::Stop;
 
 use super::object::ObjectBelief;
 use crate::model::SurfaceModel;
-use crate::observe::observation::Observation;
+use crate::observe::observation::{Observation, Says};
 use crate::observe::press_space::PressSpace;
 use crate::options::SurfaceOptions;
 use crate::verify::density::Kernel;
@@ -70,11 +70,21 @@ impl Common {
         }
     }
 
-    /// The self-match score of an object, ln per touch.
-    pub(super) fn self_match(&self, object: usize) -> f64 {
+    /// The self-match score of an object by touches that say this much, ln per touch.
+    pub(super) fn self_match(&self, object: usize, says: Says) -> f64 {
         let (map, space) = (&self.model.maps()[object], &self.model.space);
-        let find = || null_model::self_match(map, space, &self.kernel, &self.options);
-        f64::from(map.self_match(find))
+        let find = || null_model::self_match(map, space, &self.kernel, &self.options, says);
+        f64::from(map.self_match(says as usize, find))
+    }
+
+    /// What touches that lack appearance, or a normal too, lose under an object (ln): `lacking`
+    /// has their numbers by weight. Part of equation R13.
+    pub(super) fn lost(&self, object: usize, lacking: [f64; 2]) -> f64 {
+        let whole = self.self_match(object, Says::All);
+        let less = |says, n: f64| {
+            if n > 0.0 { n * (whole - self.self_match(object, says)).max(0.0) } else { 0.0 }
+        };
+        less(Says::Normal, lacking[0]) + less(Says::Position, lacking[1])
     }
 }
 

@@ -8,6 +8,7 @@ use palpate_core::reading::Looseness;
 use super::common::Common;
 use super::motion::Motion;
 use super::object::{ObjectBelief, for_each_object, n_searched, searched};
+use super::positions;
 use super::posterior::{Explained, n_weighed, posterior};
 use super::retrieval::{n_candidates, retrieval_bar, retrieve};
 use super::search::{
@@ -15,7 +16,7 @@ use super::search::{
 };
 use super::stage::Stage;
 use crate::model::joint_pairs::TOUCHES_PER_OBJECT;
-use crate::observe::observation::Observation;
+use crate::observe::observation::{Observation, Says};
 use crate::observe::press_space::PressSpace;
 use crate::propose::partners::{in_turn, partners};
 use crate::refine::likeness::look_alike;
@@ -152,8 +153,11 @@ impl Component {
 
     /// The evidence of one touch: its appearance. Equation R17 of docs/recogniser.md, k = 1.
     fn weigh_appearance(&mut self, common: &Common) {
-        self.stage = Stage::Appearance;
         let touch = &self.touches[0];
+        if touch.says != Says::All {
+            return;
+        }
+        self.stage = Stage::Appearance;
         let is_large = common.model.joint_pairs().is_some();
         let most = if is_large { TOUCHES_PER_OBJECT } else { usize::MAX };
         for_each_object(&mut self.objects, common.model.maps(), &common.stop, |object, map| {
@@ -258,8 +262,12 @@ impl Component {
             retrieval_bar(&self.objects, n_candidates(budget, n_objects, n, is_open))
         });
         let scope = Scope::in_doubt(&self.objects, reach, least, is_large, options);
+        let needs_positions = positions::are_needed(&self.touches);
         let (objects, evidence) = self.split(common);
         propose_poses(objects, &evidence, &asked, &scope);
+        if needs_positions {
+            positions::propose_by_positions(objects, &evidence, &scope);
+        }
     }
 
     /// The newest touch and some partners propose poses of the likeliest objects.
@@ -309,7 +317,9 @@ impl Component {
 
     /// Whether even the best hypothesis explains the touches poorly.
     pub(super) fn is_poor(&self, common: &Common) -> bool {
-        let least = f64::from(common.options.score.poor) * n_weighed(&self.touches);
+        let expected = |touch: &Observation| f64::from(touch.weight * touch.expected_loss());
+        let lost: f64 = self.touches.iter().map(expected).sum();
+        let least = f64::from(common.options.score.poor) * n_weighed(&self.touches) - lost;
         f64::from(best_score(&self.objects)) < least
     }
 

@@ -6,7 +6,7 @@ use super::common::Common;
 use super::motion::Motion;
 use super::object::ObjectBelief;
 use super::stage::Stage;
-use crate::observe::observation::Observation;
+use crate::observe::observation::{Observation, Says};
 use crate::observe::placement::HALF;
 use crate::verify::null_model::{self, Counted};
 
@@ -44,15 +44,21 @@ pub(super) fn posterior(common: &Common, of: &Explained<'_>) -> Vec<f64> {
     normalize(&log_posterior(common, of))
 }
 
-/// The correction of equation R13, once there are poses.
+/// The correction of equation R13: once there are poses, and for touches without appearance from
+/// the first pair on.
 fn null_correction(common: &Common, of: &Explained<'_>, counted: Counted) -> f64 {
-    if of.stage != Stage::Poses {
-        return 0.0;
-    }
     let temperature = common.model.calibration.stages[2].temperature;
     let logs = of.objects.iter().map(|object| object.log_evidence).enumerate();
-    let self_match = |object| common.self_match(object);
-    null_model::correction(counted, logs, temperature, &common.options.score, self_match)
+    let lack = match counted.lacking {
+        [0.0, 0.0] => 0.0,
+        lacking => null_model::lack(logs.clone(), temperature, |o| common.lost(o, lacking)),
+    };
+    if of.stage != Stage::Poses {
+        return -lack;
+    }
+    let self_match = |object| common.self_match(object, Says::All);
+    let scale = &common.options.score;
+    null_model::correction(counted, logs, temperature, scale, self_match) - lack
 }
 
 /// Number of touches, by their weight in the evidence of "none of these", and their losses.
@@ -62,7 +68,12 @@ pub(super) fn counted(common: &Common, of: &Explained<'_>) -> Counted {
     let counts = |touch: &Observation| f64::from(touch.counts(is_announced));
     let loss = |touch| counts(touch) * f64::from(touch.loss(is_announced, loose_loss));
     let touches = of.touches.iter().map(counts).sum();
-    Counted { touches, loss: of.touches.iter().map(loss).sum() }
+    let lacking = [Says::Normal, Says::Position].map(|says| {
+        // The sum of an empty iterator is −0.
+        let of_kind = of.touches.iter().filter(|touch| touch.says == says);
+        of_kind.map(counts).fold(0.0, |sum, weight| sum + weight)
+    });
+    Counted { touches, loss: of.touches.iter().map(loss).sum(), lacking }
 }
 
 /// The number of touches by weight.

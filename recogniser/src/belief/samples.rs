@@ -11,7 +11,7 @@ use palpate_core::rng::Stream;
 
 use super::common::Common;
 use super::object::ObjectBelief;
-use crate::observe::observation::Observation;
+use crate::observe::observation::{Observation, Says};
 use crate::observe::stretch::stretch_ratio;
 
 /// Probability below which an object gets no pose.
@@ -124,7 +124,11 @@ fn lay_onto_first_touch(
                 frame(normal.as_dvec3(), direction.as_dvec3())
             };
             let turned = DQuat::from_rotation_z(std::f64::consts::TAU * turn);
-            let session_from_patch = frame(touch.normal, touch.direction) * turned;
+            let session_from_patch = match touch.says {
+                // Nothing is known about the orientation.
+                Says::Position => stream.rotation(),
+                _ => frame(touch.normal, touch.direction) * turned,
+            };
             let object_from_patch = frame(patch.normal, patch.direction);
             let rotation = (session_from_patch * object_from_patch.conjugate()).normalize();
             let position = posed.anchor + touch.position.as_dvec3();

@@ -61,7 +61,7 @@ impl Scope {
         }
     }
 
-    fn has(&self, object: &ObjectBelief) -> bool {
+    pub(super) fn has(&self, object: &ObjectBelief) -> bool {
         let is_candidate = self.retrieval_min.is_some_and(|least| object.retrieval_score >= least);
         object.log_evidence >= self.evidence_min || is_candidate
     }

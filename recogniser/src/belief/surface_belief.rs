@@ -6,7 +6,8 @@ use glam::DVec3;
 use palpate_core::belief::MismatchError;
 use palpate_core::belief::answer::Answer;
 use palpate_core::log_prob::normalize;
-use palpate_core::reading::{Looseness, Reading, SensorId};
+use palpate_core::reading::point_contact::PointContact;
+use palpate_core::reading::{Looseness, Reading};
 use palpate_core::rng::Stream;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::stop::Stop;
@@ -15,6 +16,7 @@ use super::answers::{Weighed, answer};
 use super::checkpoint::{Checkpoint, NotCheckpoint};
 use super::common::Common;
 use super::component::{Component, Observed};
+use super::felt::{Given, Tool};
 use super::motion::{
     AMPLITUDES, Motion, NEGLIGIBLE, TOUCHES_MIN, amplitudes, known, leader, log_priors,
 };
@@ -25,8 +27,7 @@ use super::samples::{PoseSample, Posed, samples};
 use super::stage::Stage;
 use crate::model::SurfaceModel;
 use crate::observe::observation::Observation;
-use crate::observe::press_space::{Miss, PressSpace};
-use crate::observe::touch::observe_touch;
+use crate::observe::press_space::Miss;
 use crate::options::SurfaceOptions;
 
 /// Least prior of an object when a posterior becomes a prior, so that no posterior rules it out
@@ -50,19 +51,6 @@ pub struct SurfaceBelief {
     rest: Component,
     /// Components of unannounced drift; empty while rest explains the touches well.
     drifting: Vec<Component>,
-}
-
-/// A sensor on a robot.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Tool {
-    sensor: SensorId,
-    robot: Option<u32>,
-}
-
-impl Tool {
-    fn of(reading: &Reading) -> Self {
-        Self { sensor: reading.sensor(), robot: reading.base().map(|base| base.robot) }
-    }
 }
 
 impl SurfaceBelief {
@@ -91,8 +79,17 @@ impl SurfaceBelief {
 
     /// Adds a reading. A miss is evidence of free space.
     pub fn add(&mut self, reading: &Reading, sensor: &SensorDescription) {
+        self.take(Given::Press(reading, sensor));
+    }
+
+    /// Adds a contact without an image. One that touched nothing is evidence of free space.
+    pub fn add_contact(&mut self, contact: &PointContact) {
+        self.take(Given::Contact(contact));
+    }
+
+    fn take(&mut self, given: Given<'_>) {
         let leader = self.leader();
-        let observed = self.observe(reading, sensor);
+        let observed = self.observe(given);
         self.rest.add(&self.common, &observed, leader.is_none());
         for (index, drifting) in self.drifting.iter_mut().enumerate() {
             drifting.add(&self.common, &observed, leader == Some(index));
@@ -100,16 +97,16 @@ impl SurfaceBelief {
         self.doubt_rest();
     }
 
-    /// Turns a reading into observations.
-    fn observe(&mut self, reading: &Reading, sensor: &SensorDescription) -> Observed {
+    /// Turns a reading or a contact into observations.
+    fn observe(&mut self, given: Given<'_>) -> Observed {
         self.n_readings += 1;
         let n = self.n_touches();
-        let Some(touch) = observe_touch(reading, sensor, &self.common.model.space) else {
+        let Some(touch) = given.touch(&self.common.model.space) else {
             if n == 0 {
-                self.misses.push(Miss { reading: reading.clone(), sensor: sensor.clone() });
+                self.misses.push(given.miss());
                 return Observed { touch: None, spaces: Vec::new() };
             }
-            let space = PressSpace::of_miss(reading, sensor, self.anchor).after(n);
+            let space = given.miss().space(self.anchor).after(n);
             return Observed { touch: None, spaces: vec![space] };
         };
         let mut spaces = Vec::new();
@@ -120,11 +117,10 @@ impl SurfaceBelief {
             let misses = std::mem::take(&mut self.misses);
             spaces.extend(misses.iter().map(|miss| miss.space(self.anchor)));
         }
-        spaces.push(PressSpace::of_touch(reading, sensor, self.anchor).after(n + 1));
+        spaces.push(given.space_of_touch(self.anchor).after(n + 1));
         let (space, scale) = (&self.common.model.space, &self.common.options.scale);
-        let mut touch =
-            Observation::new(&touch, self.anchor, space, scale).with_base(reading.base());
-        if *self.first_tool.get_or_insert(Tool::of(reading)) != Tool::of(reading) {
+        let mut touch = Observation::new(&touch, self.anchor, space, scale).with_base(given.base());
+        if *self.first_tool.get_or_insert(given.tool()) != given.tool() {
             touch = touch.with_own_tool();
         }
         let touch = touch.weighed(self.rest.explained().touches);
@@ -269,17 +265,27 @@ impl SurfaceBelief {
     /// anywhere; `None` before three touches have determined the poses.
     #[must_use]
     pub fn log_predictive(&self, reading: &Reading, sensor: &SensorDescription) -> Option<f64> {
+        self.predict(Given::Press(reading, sensor))
+    }
+
+    /// [`SurfaceBelief::log_predictive`] of a contact without an image.
+    #[must_use]
+    pub fn log_predictive_of_contact(&self, contact: &PointContact) -> Option<f64> {
+        self.predict(Given::Contact(contact))
+    }
+
+    fn predict(&self, given: Given<'_>) -> Option<f64> {
         let rest = self.rest.explained();
         if rest.stage != Stage::Poses {
             return None;
         }
         let (space, scale) = (&self.common.model.space, &self.common.options.scale);
-        let touch = observe_touch(reading, sensor, space).map(|touch| {
-            Observation::new(&touch, self.anchor, space, scale).with_base(reading.base())
+        let touch = given.touch(space).map(|touch| {
+            Observation::new(&touch, self.anchor, space, scale).with_base(given.base())
         });
         let space = match touch {
-            Some(_) => PressSpace::of_touch(reading, sensor, self.anchor),
-            None => PressSpace::of_miss(reading, sensor, self.anchor),
+            Some(_) => given.space_of_touch(self.anchor),
+            None => given.miss().space(self.anchor),
         };
         let (touches, spaces): (Vec<_>, _) = (touch.into_iter().collect(), [space]);
         let evidence = self.common.evidence(&touches, &spaces);
@@ -303,7 +309,13 @@ impl SurfaceBelief {
 
     /// Records a reading whose conclusions follow from [`SurfaceBelief::resume`].
     pub fn retrace(&mut self, reading: &Reading, sensor: &SensorDescription) {
-        let observed = self.observe(reading, sensor);
+        let observed = self.observe(Given::Press(reading, sensor));
+        self.rest.observe(&observed);
+    }
+
+    /// [`SurfaceBelief::retrace`] of a contact without an image.
+    pub fn retrace_contact(&mut self, contact: &PointContact) {
+        let observed = self.observe(Given::Contact(contact));
         self.rest.observe(&observed);
     }
 

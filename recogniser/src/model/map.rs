@@ -65,7 +65,7 @@ pub struct SurfaceMap {
     solid: Solid,
     pairs: PairTable,
     symmetry: Symmetry,
-    self_match: Memo,
+    self_match: [Memo; 3],
 }
 
 /// A number that follows from the map and its appearance space, computed when first needed; it
@@ -112,7 +112,7 @@ impl SurfaceMap {
             solid,
             pairs,
             symmetry: Symmetry::NONE,
-            self_match: Memo::default(),
+            self_match: Default::default(),
         }
     }
 
@@ -188,10 +188,11 @@ impl SurfaceMap {
         &self.pairs
     }
 
-    /// The self-match score of the map (equation R12), computed by `find` on first use; it must
+    /// The self-match score of the map (equation R12) by touches that say everything (0), no
+    /// appearance (1), or nothing but their position (2); computed by `find` on first use. It must
     /// follow from the map and its appearance space.
-    pub(crate) fn self_match(&self, find: impl FnOnce() -> f32) -> f32 {
-        *self.self_match.0.get_or_init(find)
+    pub(crate) fn self_match(&self, of: usize, find: impl FnOnce() -> f32) -> f32 {
+        *self.self_match[of].0.get_or_init(find)
     }
 
     /// Bytes in memory.

@@ -41,11 +41,37 @@ pub(crate) struct Observation {
     pub(crate) off_object: f32,
     /// Reliability of its normal and its stretch.
     pub(crate) steadiness: Steadiness,
+    /// What the touch says.
+    pub(crate) says: Says,
+    /// Loss of score (ln) by the deviation of a contact's position, even at its own place.
+    point_loss: f32,
     feature: Feature,
     /// Comparison for finding pairs.
     sharp: Comparison,
     /// Comparison for scoring poses.
     soft: Comparison,
+}
+
+/// What a touch says besides its position.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Says {
+    /// Normal, stretch and appearance: a press with an image.
+    All,
+    /// The normal: a contact without an image.
+    Normal,
+    /// Nothing: a contact whose normal was not felt.
+    Position,
+}
+
+impl Says {
+    /// What a touch says.
+    pub(crate) fn of(touch: &Touch) -> Self {
+        match touch.point.map(|point| point.normal) {
+            None => Self::All,
+            Some(Some(_)) => Self::Normal,
+            Some(None) => Self::Position,
+        }
+    }
 }
 
 /// Parameters for comparing a feature with others: the softness, and the density of features of
@@ -56,6 +82,12 @@ pub(crate) struct Comparison {
     pub(crate) density: f32,
 }
 
+impl Comparison {
+    /// The comparison of a touch without appearance: its ratio is 1 everywhere, the limit of
+    /// equation R7 for an unbounded softness.
+    pub(crate) const NOTHING: Self = Self { softness: f32::INFINITY, density: 1.0 };
+}
+
 impl Observation {
     /// The observation of a touch, relative to `anchor`.
     pub(crate) fn new(
@@ -64,12 +96,16 @@ impl Observation {
         space: &AppearanceSpace,
         scale: &TouchScale,
     ) -> Self {
-        let comparison = |softness| Comparison {
-            softness,
-            density: space.density_anywhere(&touch.feature, softness),
+        let comparison = |softness| match touch.point {
+            None => {
+                let density = space.density_anywhere(&touch.feature, softness);
+                Comparison { softness, density }
+            }
+            Some(_) => Comparison::NOTHING,
         };
         let (sharp, soft) = (comparison(scale.appearance), comparison(scale.appearance_of_pose));
-        Self::compared(touch, anchor, sharp, soft)
+        let seen = Self::compared(touch, anchor, sharp, soft);
+        Self { point_loss: point_loss(seen.placement.own(), scale), ..seen }
     }
 
     /// The observation of a touch whose feature is compared with these parameters.
@@ -79,6 +115,10 @@ impl Observation {
         sharp: Comparison,
         soft: Comparison,
     ) -> Self {
+        let placement = match touch.point {
+            Some(point) => Placement::default().of_point(point.position),
+            None => Placement::default(),
+        };
         Self {
             position: (touch.position - anchor).as_vec3(),
             normal: touch.normal.as_vec3(),
@@ -87,9 +127,14 @@ impl Observation {
             session_from_sensor: touch.sensor_axes(),
             weight: 1.0,
             novelty: 1.0,
-            placement: Placement::default(),
-            off_object: 0.0,
-            steadiness: Steadiness::new(touch.evenness),
+            placement,
+            off_object: placement.off_object_density(),
+            steadiness: match touch.point.and_then(|point| point.normal) {
+                Some(deviation) => Steadiness::of_normal(deviation),
+                None => Steadiness::new(touch.evenness),
+            },
+            says: Says::of(touch),
+            point_loss: 0.0,
             feature: touch.feature,
             sharp,
             soft,
@@ -111,7 +156,7 @@ impl Observation {
 
     /// The observation of a robot with this base.
     pub(crate) fn with_base(mut self, base: Option<Base>) -> Self {
-        self.place(Placement::of_base(base));
+        self.place(self.placement.on_base(base));
         self
     }
 
@@ -146,13 +191,26 @@ impl Observation {
     /// Loss of score (ln) under every object because the touch is unsteady or loosely placed.
     /// `loose_loss` is [`ScoreScale::loose_loss`](crate::options::ScoreScale::loose_loss).
     pub(crate) fn loss(&self, is_announced: bool, loose_loss: f32) -> f32 {
-        self.steadiness.loss() + self.placement.loss(is_announced, loose_loss)
+        self.steadiness.loss() + self.placement.loss(is_announced, loose_loss) + self.point_loss
+    }
+
+    /// Score (ln) that a contact without an image lacks at its own place, against a steady press.
+    pub(crate) fn expected_loss(&self) -> f32 {
+        self.point_loss
+            + match self.says {
+                Says::All => 0.0,
+                Says::Normal => self.steadiness.loss(),
+                Says::Position => Steadiness::normal_worth(),
+            }
     }
 
     /// The observation with its weight beside `earlier` ones. Equation R2 of docs/recogniser.md.
     pub(crate) fn weighed(mut self, earlier: &[Self]) -> Self {
         let apart = |other: &Self| {
-            let turned = NORMAL_REACH * self.normal.distance(other.normal);
+            let turned = match (self.says, other.says) {
+                (Says::Position, _) | (_, Says::Position) => 0.0,
+                _ => NORMAL_REACH * self.normal.distance(other.normal),
+            };
             self.position.distance(other.position).hypot(turned)
         };
         let nearest = earlier.iter().map(apart).fold(f32::INFINITY, f32::min);
@@ -184,6 +242,13 @@ impl Observation {
     pub(crate) fn appearance_ratio_of_pose(&self, other: &StoredFeature) -> f32 {
         ratio(&self.feature, other, self.soft.softness, self.soft.density)
     }
+}
+
+/// What the deviation of a contact's position costs at its own place: ln of the peak of the
+/// kernel of R4 without it over that with it. `variance` in m². Part of equation R13.
+fn point_loss(variance: f32, scale: &TouchScale) -> f32 {
+    let wider = |deviation: f32| (1.0 + variance / (deviation * deviation)).ln();
+    0.5 * wider(scale.across) + wider(scale.along)
 }
 
 #[cfg(test)]

@@ -35,12 +35,25 @@ pub(crate) struct Placement {
     base: Option<Base>,
     /// Variances of the object's motion since the touch.
     moved: Variances,
+    /// Variance (m²) of the position by the sensor itself: that of a contact without an image.
+    own: f32,
 }
 
 impl Placement {
-    /// Placement by the base of a robot.
-    pub(crate) fn of_base(base: Option<Base>) -> Self {
-        Self { base, moved: (0.0, 0.0) }
+    /// The placement by the base of a robot.
+    pub(crate) fn on_base(self, base: Option<Base>) -> Self {
+        Self { base, ..self }
+    }
+
+    /// The placement of a contact whose position has this deviation (m) of its own.
+    pub(crate) fn of_point(self, deviation: f64) -> Self {
+        Self { own: deviation.powi(2) as f32, ..self }
+    }
+
+    /// Variance (m²) of the position by the sensor itself.
+    #[inline]
+    pub(crate) fn own(&self) -> f32 {
+        self.own
     }
 
     /// Placement after `moves` moves of the object by `motion` each.
@@ -52,16 +65,23 @@ impl Placement {
     /// Whether the stated place of the touch is exact.
     #[inline]
     pub(crate) fn is_exact(&self) -> bool {
-        self.base.is_none() && self.moved == (0.0, 0.0)
+        self.base.is_none() && self.moved == (0.0, 0.0) && self.own <= 0.0
     }
 
     fn of_base_alone(&self) -> Variances {
         self.base.map_or((0.0, 0.0), |base| variances(&base.looseness))
     }
 
-    /// Variances of positions and normals from base and motion.
+    /// Variances of positions and normals from base, motion and the sensor itself.
     #[inline]
     pub(crate) fn variances(&self) -> Variances {
+        let (position, angle) = self.shifting();
+        (position + self.own, angle)
+    }
+
+    /// Variances from base and motion, which shift more than one touch or the object.
+    #[inline]
+    pub(crate) fn shifting(&self) -> Variances {
         sum(self.of_base_alone(), self.moved)
     }
 
@@ -69,6 +89,7 @@ impl Placement {
     pub(crate) fn variances_to(&self, other: &Self) -> Variances {
         let (moved, before) = (self.moved, other.moved);
         let moved = ((moved.0 - before.0).abs(), (moved.1 - before.1).abs());
+        let moved = sum(moved, (self.own + other.own, 0.0));
         if self.base.map(|base| base.robot) == other.base.map(|base| base.robot) {
             return moved;
         }
@@ -80,7 +101,7 @@ impl Placement {
         if self.moved == (0.0, 0.0) {
             return self.base.map_or(Shift::None, |base| Shift::Base(base.robot, base.looseness));
         }
-        let (position, angle) = self.variances();
+        let (position, angle) = self.shifting();
         let angle = f64::from(angle).sqrt().max(ANGLE_MIN);
         Shift::Motion(index, Looseness { position: f64::from(position).sqrt(), angle })
     }
@@ -105,7 +126,7 @@ impl Placement {
     /// and by the object's motion if it was announced. `per_fold` is the loss for each e-fold of
     /// the variance. Part of equation R13.
     pub(crate) fn loss(&self, is_announced: bool, per_fold: f32) -> f32 {
-        let (position, _) = if is_announced { self.variances() } else { self.of_base_alone() };
+        let (position, _) = if is_announced { self.shifting() } else { self.of_base_alone() };
         per_fold * (1.0 + position / (LOOSE * LOOSE)).ln()
     }
 }
@@ -162,20 +183,20 @@ mod tests {
 
     #[test]
     fn moves_and_bases_add_up() {
-        let moved = Placement::of_base(base(1)).after(4, &MOTION);
+        let moved = Placement::default().on_base(base(1)).after(4, &MOTION);
         assert!(close(moved.variances(), (4.0 * 9e-6 + 16e-6, 0.04)));
         // One base shifts both, and three moves displaced both.
-        let later = Placement::of_base(base(1)).after(3, &MOTION);
+        let later = Placement::default().on_base(base(1)).after(3, &MOTION);
         assert!(close(moved.variances_to(&later), (9e-6, 0.01)));
-        let other = Placement::of_base(base(2)).after(3, &MOTION);
+        let other = Placement::default().on_base(base(2)).after(3, &MOTION);
         assert!(close(moved.variances_to(&other), (9e-6 + 32e-6, 0.01)));
-        assert!(!moved.is_exact() && !Placement::of_base(base(1)).is_exact());
+        assert!(!moved.is_exact() && !Placement::default().on_base(base(1)).is_exact());
         assert!(Placement::default().after(0, &MOTION).is_exact());
     }
 
     #[test]
     fn motion_shifts_one_touch_and_a_base_all_of_its_robot() {
-        let now = Placement::of_base(base(7));
+        let now = Placement::default().on_base(base(7));
         let looseness = Looseness { position: 0.004, angle: 0.0 };
         assert_eq!(now.shifted_by(3), Shift::Base(7, looseness));
         let Shift::Motion(3, before) = now.after(1, &MOTION).shifted_by(3) else { panic!() };
@@ -197,6 +218,6 @@ mod tests {
         assert!((share - 0.484).abs() < 0.01, "{share}");
         // 1.2 ln(1 + 20²), unless the motion was not announced.
         assert!((far.loss(true, 1.2) - 7.193).abs() < 0.01 && far.loss(false, 1.2).abs() < 1e-9);
-        assert!(Placement::of_base(base(1)).loss(false, 1.2) > 4.0);
+        assert!(Placement::default().on_base(base(1)).loss(false, 1.2) > 4.0);
     }
 }

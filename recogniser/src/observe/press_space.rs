@@ -6,6 +6,7 @@
 //! `verify::free_space` compares both. Points are relative to the session's anchor, metres.
 
 use glam::{DVec3, Vec3};
+use palpate_core::reading::point_contact::PointContact;
 use palpate_core::reading::{Looseness, Reading};
 use palpate_core::sensor::SensorDescription;
 
@@ -42,6 +43,8 @@ pub(crate) struct PressSpace {
     pub(crate) occupied: Vec<Vec3>,
     /// The number of touches at the press, its own included.
     touches: usize,
+    /// Variance (m²) of the points' place by the sensor itself: that of a contact without an image.
+    own: f32,
     /// Weight: less after motion of the object.
     pub(crate) weight: f32,
 }
@@ -53,7 +56,7 @@ impl PressSpace {
     }
 
     fn new(free: Vec<Vec3>) -> Self {
-        Self { free, occupied: Vec::new(), touches: 0, weight: 1.0 }
+        Self { free, occupied: Vec::new(), touches: 0, own: 0.0, weight: 1.0 }
     }
 
     /// The space of a press at which the session had this many touches.
@@ -66,7 +69,26 @@ impl PressSpace {
     pub(crate) fn discount(&mut self, touches: usize, motion: &Looseness) {
         let moves = (touches - self.touches) as f32;
         let moved = moves * motion.position.powi(2) as f32;
-        self.weight = kept(moved, HALF);
+        self.weight = kept(moved + self.own, HALF);
+    }
+
+    /// The space of a contact without an image that touched: nothing is known about the sensor's
+    /// body, and that something is there the density of the touch says already.
+    pub(crate) fn of_contact() -> Self {
+        Self::new(Vec::new())
+    }
+
+    /// The space of a contact without an image that touched nothing: its position, and its way
+    /// there. Equation R11a of docs/recogniser.md.
+    pub(crate) fn of_missed_contact(contact: &PointContact, anchor: DVec3) -> Self {
+        let back = contact.normal().map_or(DVec3::ZERO, |normal| normal.direction);
+        let way = contact.approach().min(WAY_MAX);
+        let steps = (way / STEP).ceil() as usize;
+        let point = |step: usize| {
+            (contact.position() + (step as f64 * STEP).min(way) * back - anchor).as_vec3()
+        };
+        let own = contact.position_deviation().powi(2) as f32;
+        Self { own, weight: kept(own, HALF), ..Self::new((0..=steps).map(point).collect()) }
     }
 
     /// The space of a touch.
@@ -144,19 +166,28 @@ fn half_sides(sensor: &SensorDescription) -> (f64, f64) {
 
 /// A miss before the session has an anchor.
 #[derive(Clone, Debug)]
-pub(crate) struct Miss {
-    pub(crate) reading: Reading,
-    pub(crate) sensor: SensorDescription,
+pub(crate) enum Miss {
+    /// A press, with its sensor.
+    Press { reading: Reading, sensor: SensorDescription },
+    /// A contact without an image.
+    Contact(PointContact),
 }
 
 impl Miss {
     /// Bytes with its image, about.
     pub(crate) fn bytes(&self) -> usize {
-        size_of::<Self>() + self.reading.image().pressures.len() * size_of::<f64>()
+        let heap = match self {
+            Self::Press { reading, .. } => reading.image().pressures.len() * size_of::<f64>(),
+            Self::Contact(_) => 0,
+        };
+        size_of::<Self>() + heap
     }
 
     /// Its space, once there is an anchor.
     pub(crate) fn space(&self, anchor: DVec3) -> PressSpace {
-        PressSpace::of_miss(&self.reading, &self.sensor, anchor)
+        match self {
+            Self::Press { reading, sensor } => PressSpace::of_miss(reading, sensor, anchor),
+            Self::Contact(contact) => PressSpace::of_missed_contact(contact, anchor),
+        }
     }
 }

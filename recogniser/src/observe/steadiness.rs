@@ -34,6 +34,11 @@ pub(crate) struct Steadiness {
 }
 
 impl Steadiness {
+    /// What the normal of a steady touch adds to its score (ln): the peak of R5.
+    pub(crate) fn normal_worth() -> f32 {
+        (2.0 / STEADY_VARIANCE).ln()
+    }
+
     /// Steadiness of a touch by its [evenness](super::touch::Touch::evenness). Equation R3 of
     /// docs/recogniser.md.
     pub(crate) fn new(evenness: f64) -> Self {
@@ -42,6 +47,11 @@ impl Steadiness {
             normal_variance: (NORMAL_PER_UNEVENNESS * missing).powi(2),
             stretch_outliers: (OUTLIERS + OUTLIERS_PER_UNEVENNESS * missing).min(OUTLIERS_MAX),
         }
+    }
+
+    /// Steadiness of a contact without an image, whose normal has its own deviation (rad).
+    pub(crate) fn of_normal(deviation: f64) -> Self {
+        Self { normal_variance: deviation.powi(2) as f32, stretch_outliers: OUTLIERS }
     }
 
     /// Loss of score (ln) against a steady touch, even at its own place and on any object,

@@ -1,14 +1,16 @@
-//! A touch: position, normal, stretch and appearance of the surface under the sensor (equation R1).
+//! A touch: position, normal, stretch and appearance of the surface under the sensor (equation R1),
+//! or position and perhaps normal of a contact without an image (equation R1a).
 //!
 //! The frame is that of the reading's pose. The stretch is the second moment of the contact's
 //! pressure (section 4.3.2.4); it has no sign: ±direction are equal.
 
 use glam::{DVec2, DVec3, Mat3};
 
-use crate::model::agreement::Feature;
+use crate::model::agreement::{Feature, N_AXES};
 use crate::model::appearance::AppearanceSpace;
 use palpate_core::contact::touches;
 use palpate_core::contact::{CONTACT_SHARE, center_of_pressure};
+use palpate_core::reading::point_contact::PointContact;
 use palpate_core::reading::{Reading, TactileImage};
 use palpate_core::sensor::SensorDescription;
 use palpate_core::units::MM;
@@ -16,29 +18,46 @@ use palpate_core::units::MM;
 /// Area that a contact can press evenly, square metres; the rest of a larger array is in free air.
 const EVEN_AREA: f64 = 12.0 * MM * 12.0 * MM;
 
-/// One press with contact.
+/// What a contact without an image leaves open.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointDeviations {
+    /// Standard deviation of the position in each direction, metres.
+    pub position: f64,
+    /// Standard deviation of the normal about either axis, rad; `None` when no normal was felt.
+    pub normal: Option<f64>,
+}
+
+/// One press with contact, or one contact without an image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Touch {
     /// The centre of pressure on the covering's surface, metres.
     pub position: DVec3,
-    /// The outward normal of the surface, norm 1.
+    /// The outward normal of the surface, norm 1; zero when none was felt.
     pub normal: DVec3,
     /// Direction in which the contact is stretched: norm 1, at right angles to the normal.
     pub direction: DVec3,
-    /// The sensor's +x axis in the frame of the pose, norm 1.
+    /// The sensor's +x axis in the frame of the pose, norm 1; zero for a contact without an image,
+    /// whose sensor has no stated axes.
     pub sensor_x: DVec3,
     /// Elongation: (λ₁ − λ₂)/(λ₁ + λ₂) of the second moments, 0 to 1.
     pub elongation: f64,
     /// Evenness of the press, 0 to 1: mean pressure over peak. Corners, tips and contacts of the rim
     /// alone press little of the array.
     pub evenness: f64,
-    /// Appearance.
+    /// Appearance; it counts only if there was an image.
     pub feature: Feature,
+    /// The deviations of a contact without an image, which has neither appearance nor stretch;
+    /// `None` for a press.
+    pub point: Option<PointDeviations>,
 }
 
 impl Touch {
-    /// The sensor's axes as columns, in the frame of the pose. Its +z is against the normal.
+    /// The sensor's axes as columns, in the frame of the pose: its +z is against the normal. Zero
+    /// for a contact without an image.
     pub(crate) fn sensor_axes(&self) -> Mat3 {
+        if self.sensor_x == DVec3::ZERO {
+            return Mat3::ZERO;
+        }
         let (x, z) = (self.sensor_x, -self.normal);
         Mat3::from_cols(x.as_vec3(), z.cross(x).as_vec3(), z.as_vec3())
     }
@@ -65,6 +84,30 @@ pub fn observe_touch(
         elongation,
         evenness: evenness(image, sensor),
         feature: space.feature(image, sensor.grid()),
+        point: None,
+    })
+}
+
+/// The touch of a contact without an image, or `None` where nothing was touched. Equation R1a of
+/// docs/recogniser.md.
+#[must_use]
+pub fn observe_contact(contact: &PointContact) -> Option<Touch> {
+    if !contact.touched() {
+        return None;
+    }
+    let normal = contact.normal();
+    Some(Touch {
+        position: contact.position(),
+        normal: normal.map_or(DVec3::ZERO, |normal| normal.direction),
+        direction: normal.map_or(DVec3::X, |normal| normal.direction.any_orthonormal_vector()),
+        sensor_x: DVec3::ZERO,
+        elongation: 0.0,
+        evenness: 1.0,
+        feature: [0.0; N_AXES],
+        point: Some(PointDeviations {
+            position: contact.position_deviation(),
+            normal: normal.map(|normal| normal.deviation),
+        }),
     })
 }
 

@@ -6,7 +6,7 @@
 use glam::Vec3;
 
 use super::effort::Effort;
-use crate::observe::observation::Observation;
+use crate::observe::observation::{Observation, Says};
 use crate::options::SurfaceOptions;
 
 /// Deviation (m) between two touches that halves the worth of their pair.
@@ -33,7 +33,10 @@ pub(crate) fn partners(touches: &[Observation], n: usize) -> Vec<usize> {
         let sharp = SHARP / (SHARP + position.sqrt());
         (distance.min(FAR) * (ALONG + fixed) * sharp, index)
     };
-    let mut rated: Vec<(f32, usize)> = earlier.iter().enumerate().map(rate).collect();
+    // A pair without both normals says nothing.
+    let has_normal = |touch: &Observation| touch.says != Says::Position;
+    let paired = earlier.iter().enumerate().filter(|(_, touch)| has_normal(touch));
+    let mut rated: Vec<(f32, usize)> = paired.filter(|_| has_normal(newest)).map(rate).collect();
     rated.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     rated.into_iter().take(n).map(|(_, index)| index).collect()
 }

@@ -12,7 +12,7 @@ use super::effort::Effort;
 use super::pair_density::{pair_density, pair_stretch_ratio, widened};
 use crate::model::SurfaceMap;
 use crate::model::pair_geometry::PairGeometry;
-use crate::observe::observation::Observation;
+use crate::observe::observation::{Observation, Says};
 use crate::options::SurfaceOptions;
 
 /// Number of rotations about the axis that are tried if the normals do not determine it.
@@ -72,7 +72,8 @@ fn keep_likeliest(matches: &mut Vec<Match>, n: usize) {
     }
 }
 
-/// Proposes poses of an object for two touches; `None` when they are at one place. `appearances`
+/// Proposes poses of an object for two touches; `None` when they are at one place or a normal is
+/// missing (`belief::positions` proposes without). `appearances`
 /// are the ratios of both at the patches that are looked up ([`Effort::appearance_ratios`]).
 ///
 /// Equation R10 of docs/recogniser.md.
@@ -83,6 +84,9 @@ pub(crate) fn propose(
     effort: Effort,
     options: &SurfaceOptions,
 ) -> Option<Proposed> {
+    if touches.iter().any(|touch| touch.says == Says::Position) {
+        return None;
+    }
     let place = |touch: &Observation| (touch.position, touch.normal);
     let options = &widened(options, touches);
     let query = PairGeometry::new(place(touches[0]), place(touches[1]))?;

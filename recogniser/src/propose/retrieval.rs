@@ -10,7 +10,7 @@ use super::pair_density::{pair_density, pair_stretch_ratio, widened};
 use super::proposals::PairEvidence;
 use crate::model::joint_pairs::{JointPairs, JointTable, OBJECTS_PER_TABLE};
 use crate::model::pair_geometry::PairGeometry;
-use crate::observe::observation::Observation;
+use crate::observe::observation::{Observation, Says};
 use crate::options::SurfaceOptions;
 
 /// A pair of touches that is looked up in the table.
@@ -21,8 +21,11 @@ struct Query<'a> {
 }
 
 impl<'a> Query<'a> {
-    /// The query of two touches; `None` if both are at one place.
+    /// The query of two touches; `None` if both are at one place or a normal is missing.
     fn new(touches: [&'a Observation; 2], options: &SurfaceOptions) -> Option<Self> {
+        if touches.iter().any(|touch| touch.says == Says::Position) {
+            return None;
+        }
         let [a, b] = touches.map(|touch| (touch.position, touch.normal));
         Some(Self {
             touches,

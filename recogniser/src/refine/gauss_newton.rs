@@ -12,7 +12,7 @@ use palpate_core::reading::Looseness;
 
 use super::surface_point::surface_point;
 use crate::model::SurfaceMap;
-use crate::observe::observation::Observation;
+use crate::observe::observation::{Observation, Says};
 use crate::observe::placement::Shift;
 use crate::options::{RefinementScale, SurfaceOptions};
 use crate::verify::density::Kernel;
@@ -147,7 +147,8 @@ fn linearise(
     let across = options.refinement.across.powi(-2);
     for (index, touch) in touches.iter().enumerate() {
         let Some(place) = surface_point(kernel, map, &pose, touch) else { continue };
-        let (position, angle) = touch.looseness();
+        let (position, angle) = touch.placement.shifting();
+        let [across, along] = [across, along].map(|inverse| wider(inverse, touch.placement.own()));
         let system = system_of(touch.placement.shifted_by(index), &mut exact, &mut loose);
         let outward = session_from_object * place.normal;
         let off = session_from_object * place.offset;
@@ -164,6 +165,9 @@ fn linearise(
         let weighted = moves.transpose() * information;
         system.hessian += weighted * moves;
         system.gradient += weighted * column(off);
+        if touch.says == Says::Position {
+            continue;
+        }
         let usual =
             options.refinement.normal_factor * (place.normal_deviation + options.scale.normal);
         let deviation = usual.hypot(touch.steadiness.normal_variance.sqrt());
@@ -175,6 +179,11 @@ fn linearise(
     }
     exact.add_tool(hypothesis.tool, &options.refinement);
     exact
+}
+
+/// The inverse variance of a touch whose position has a variance of its `own`.
+fn wider(inverse: f32, own: f32) -> f32 {
+    if own > 0.0 { (inverse.recip() + own).recip() } else { inverse }
 }
 
 /// The system to which a touch contributes: the exact one, or that of all touches with the same

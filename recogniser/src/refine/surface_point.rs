@@ -5,7 +5,7 @@ use palpate_core::exponential::exp;
 
 use crate::model::SurfaceMap;
 use crate::observe::inverse_pose::{InversePose, TouchOnMap};
-use crate::observe::observation::Observation;
+use crate::observe::observation::{Observation, Says};
 use crate::verify::density::{Kernel, Width};
 
 /// Least cosine between the normals of a patch and the touch; other patches do not count for the
@@ -54,7 +54,10 @@ pub(crate) fn surface_point(
         deviation += weight * facet.normal_deviation();
         total += weight;
         // The height above the surface about each patch, not above the mean of their positions.
-        let agreement = facet.normal.dot(at.normal);
+        let agreement = match touch.says {
+            Says::Position => 1.0,
+            _ => facet.normal.dot(at.normal),
+        };
         if agreement >= FACING_MIN {
             let flat = off.length_squared() - off.dot(facet.normal).powi(2);
             let smoothing = kernel.refinement.smoothing.powi(2);

@@ -61,7 +61,7 @@ mod tests {
     use crate::model::appearance::AppearanceSpace;
     use crate::observe::inverse_pose::InversePose;
     use crate::observe::observation::Observation;
-    use crate::observe::touch::Touch;
+    use crate::observe::touch::{PointDeviations, Touch};
     use crate::options::SurfaceOptions;
     use crate::propose::effort::Effort;
     use crate::propose::proposals::propose;
@@ -201,6 +201,33 @@ mod tests {
     #[test]
     fn few_patches_score_as_in_the_reference() {
         check_cluster(0.0, Tolerance::ROUNDING);
+    }
+
+    #[test]
+    fn contacts_without_an_image_score_as_in_the_reference() {
+        let (space, options, pose) = (varied_space(), SurfaceOptions::default(), some_pose(2));
+        let (places, poses) = (cluster(6, 0.0), [pose, some_pose(3)]);
+        let map = map(&places);
+        let session = |normals: [Option<f64>; 6]| -> Vec<Touch> {
+            let felt = touched(&places, &pose, 5).into_iter().zip(normals).enumerate();
+            let contact = |(index, (touch, normal)): (usize, (Touch, Option<f64>))| Touch {
+                normal: normal.map_or(DVec3::ZERO, |_| touch.normal),
+                elongation: 0.0,
+                evenness: 1.0,
+                // Every third is a press with an image.
+                point: (index % 3 > 0).then_some(PointDeviations { position: 0.002, normal }),
+                ..touch
+            };
+            felt.map(contact).collect()
+        };
+        let mixed = [Some(0.2), None, Some(0.1), Some(0.3), Some(0.2), None];
+        for normals in [[Some(0.2); 6], mixed] {
+            let touches = session(normals);
+            let (map, space, options) = (&map, &space, &options);
+            let (touches, poses, tool) = (touches.as_slice(), &poses, DVec3::ZERO);
+            let session = Session { map, space, options, touches, poses, tool };
+            check_recogniser(fast, evidence, &[("contacts", session)], Tolerance::ROUNDING);
+        }
     }
 
     #[test]

@@ -10,7 +10,7 @@ use palpate_core::exponential::exp;
 use crate::model::SurfaceMap;
 use crate::model::facet::Facet;
 use crate::observe::inverse_pose::{InversePose, TouchInObject, TouchOnMap};
-use crate::observe::observation::Observation;
+use crate::observe::observation::{Observation, Says};
 use crate::observe::stretch::stretch_ratio;
 use crate::options::{RefinementScale, SurfaceOptions};
 
@@ -195,7 +195,10 @@ impl Kernel {
         if spatial > FAR {
             return 0.0;
         }
-        let facing = self.normal_ratio(facet, normal, at.normal, width.normal_variance);
+        let facing = match touch.says {
+            Says::Position => 1.0,
+            _ => self.normal_ratio(facet, normal, at.normal, width.normal_variance),
+        };
         let concentration = self.direction * facet.elongation() * touch.elongation;
         let cosine = at.direction.dot(facet.direction);
         let stretch = stretch_ratio(concentration, cosine, touch.steadiness.stretch_outliers);

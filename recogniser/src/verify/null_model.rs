@@ -12,8 +12,8 @@ use crate::model::agreement::unstored;
 use crate::model::appearance::AppearanceSpace;
 use crate::model::{SurfaceMap, SurfaceModel};
 use crate::observe::inverse_pose::InversePose;
-use crate::observe::observation::Observation;
-use crate::observe::touch::Touch;
+use crate::observe::observation::{Observation, Says};
+use crate::observe::touch::{PointDeviations, Touch};
 use crate::options::{ScoreScale, SurfaceOptions};
 
 /// Number of patches on which a map's self-match score is measured.
@@ -29,6 +29,8 @@ pub(crate) struct Counted {
     pub(crate) touches: f64,
     /// Total loss of score (ln) under every object because touches are unsteady or loosely placed.
     pub(crate) loss: f64,
+    /// The number by weight of touches without appearance, and of those without a normal either.
+    pub(crate) lacking: [f64; 2],
 }
 
 /// Correction (ln) of the evidence of "none of these": higher if the touches resemble an object
@@ -66,16 +68,37 @@ fn excess(
     if total > 0.0 { scale.self_match_share * sum / total } else { 0.0 }
 }
 
+/// What touches without appearance, or without a normal either, lose (ln) under the objects in
+/// question against presses with an image: the mean of `lost`, weighted by the objects' evidence.
+/// The last term of equation R13.
+pub(crate) fn lack(
+    evidence: impl Iterator<Item = (usize, f64)> + Clone,
+    temperature: f64,
+    lost: impl Fn(usize) -> f64,
+) -> f64 {
+    let best = evidence.clone().map(|(_, log)| log).fold(f64::NEG_INFINITY, f64::max);
+    let (mut sum, mut total) = (0.0, 0.0);
+    for (object, log) in evidence {
+        let weight = ((log - best) / temperature).exp();
+        if weight >= LEAST {
+            sum += weight * lost(object);
+            total += weight;
+        }
+    }
+    if total > 0.0 { sum / total } else { 0.0 }
+}
+
 /// Computes the self-match scores of all objects, in parallel, for beliefs with these options.
 /// Without it the first session that needs them waits.
 pub(crate) fn prepare(model: &SurfaceModel, options: &SurfaceOptions) {
     let kernel = Kernel::new(options);
     model.maps().par_iter().for_each(|map| {
-        map.self_match(|| self_match(map, &model.space, &kernel, options));
+        map.self_match(0, || self_match(map, &model.space, &kernel, options, Says::All));
     });
 }
 
-/// Mean score (ln) of the object's own patches under its true pose, each without itself.
+/// Mean score (ln) of the object's own patches under its true pose, each without itself, by touches
+/// that say this much.
 ///
 /// Equation R12 of docs/recogniser.md.
 pub(crate) fn self_match(
@@ -83,7 +106,13 @@ pub(crate) fn self_match(
     space: &AppearanceSpace,
     kernel: &Kernel,
     options: &SurfaceOptions,
+    says: Says,
 ) -> f32 {
+    let point = match says {
+        Says::All => None,
+        Says::Normal => Some(PointDeviations { position: 0.0, normal: Some(0.0) }),
+        Says::Position => Some(PointDeviations { position: 0.0, normal: None }),
+    };
     let patches = map.patches();
     let n = SAMPLES.min(patches.len());
     let pose = InversePose::new(Quat::IDENTITY, glam::Vec3::ZERO);
@@ -95,9 +124,10 @@ pub(crate) fn self_match(
             position: patch.position.as_dvec3(),
             normal: patch.normal.as_dvec3(),
             direction: patch.direction.as_dvec3(),
-            elongation: f64::from(patch.elongation),
+            elongation: if point.is_none() { f64::from(patch.elongation) } else { 0.0 },
             evenness: 1.0,
             feature: unstored(&patch.feature),
+            point,
         };
         let observation = Observation::new(&touch, DVec3::ZERO, space, &options.scale);
         kernel.score_without(map, &pose, &observation, index)
@@ -129,7 +159,7 @@ mod tests {
     fn unsteady_touches_spare_none_of_these() {
         let scale = SurfaceOptions::default().score;
         let correction = |touches, loss| {
-            let counted = Counted { touches, loss };
+            let counted = Counted { touches, loss, lacking: [0.0; 2] };
             correction(counted, [(0, 50.0)].into_iter(), 2.0, &scale, |_| 14.0)
         };
         assert!((correction(3.0, 0.0) - 4.8).abs() < 1e-9);
@@ -140,12 +170,13 @@ mod tests {
     fn a_map_explains_its_own_touches_by_the_others() {
         let options = SurfaceOptions::default();
         let kernel = Kernel::new(&options);
-        let score = |n: usize| self_match(&map_of(&places(n, 0)), &space(), &kernel, &options);
+        let score =
+            |n: usize| self_match(&map_of(&places(n, 0)), &space(), &kernel, &options, Says::All);
         // A single patch has no other: only the share of outliers, 1 %, remains.
         assert!((score(1) - 0.01f32.ln()).abs() < 1e-5);
         assert!((6.0..14.0).contains(&score(500)), "{}", score(500));
         let map = map_of(&places(20, 0));
-        let [first, second] = [3.0, 4.0].map(|score| map.self_match(|| score));
+        let [first, second] = [3.0, 4.0].map(|score| map.self_match(0, || score));
         assert!((first - second).abs() < 1e-9, "found once");
         assert_eq!(map, map_of(&places(20, 0)), "knowing it is no difference");
     }

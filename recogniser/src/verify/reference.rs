@@ -76,27 +76,33 @@ impl Placed {
     fn new(session: &Session<'_>, index: usize) -> Self {
         let touch = &session.touches[index];
         let apart = |other: &Touch| {
-            touch
-                .position
-                .distance(other.position)
-                .hypot(0.006 * touch.normal.distance(other.normal))
+            touch.position.distance(other.position).hypot(0.006 * turned(touch, other))
         };
         let nearest = session.touches[..index].iter().map(apart).fold(f64::INFINITY, f64::min);
         let novelty = (nearest / 0.003).clamp(0.25, 1.0);
         let missing = (0.53 - touch.evenness).max(0.0);
         let moves = (session.touches.len() - 1 - index) as f64;
         let drift = session.options.motion;
-        let position = drift.map_or(0.0, |drift| moves * drift.position.powi(2));
+        let moved = drift.map_or(0.0, |drift| moves * drift.position.powi(2));
+        // Equation R1a: a contact without an image has deviations of its own.
+        let position = moved + touch.point.map_or(0.0, |point| point.position.powi(2));
         let x = 0.007 / position.sqrt();
+        let normal = touch.point.and_then(|point| point.normal);
         Self {
-            weight: novelty / (1.0 + position / 0.01f64.powi(2)),
+            weight: novelty / (1.0 + moved / 0.01f64.powi(2)),
             position,
             angle: drift.map_or(0.0, |drift| moves * drift.angle.powi(2)),
             off_object: 64.0 * (-0.717 * x - 0.416 * x * x).exp(),
-            unsteady: (1.83 * missing).powi(2),
+            unsteady: normal.unwrap_or(1.83 * missing).powi(2),
             stretch_outliers: (0.05 + 2.25 * missing).min(0.9),
         }
     }
+}
+
+/// Distance of the normals of two touches; 0 if one was not felt.
+fn turned(touch: &Touch, other: &Touch) -> f64 {
+    let felt = |touch: &Touch| touch.point.is_none_or(|point| point.normal.is_some());
+    if felt(touch) && felt(other) { touch.normal.distance(other.normal) } else { 0.0 }
 }
 
 /// L of equation R4: density ratio of the touch under the object in a pose against a touch
@@ -121,13 +127,17 @@ fn density(session: &Session<'_>, bends: &[Bend], pose: &Pose, touch: &Touch, at
         let turned = DVec2::new(turned.dot(surface.axes[0]), turned.dot(surface.axes[1]));
         let variances = DVec2::from(bend.normal_variances.map(f64::from)) + variance;
         let cosine = normal.dot(surface.normal);
-        let facing = normal_ratio(cosine, turned, variances, scale.normal_outliers.into());
+        let facing = match touch.point {
+            Some(point) if point.normal.is_none() => 1.0,
+            _ => normal_ratio(cosine, turned, variances, scale.normal_outliers.into()),
+        };
         let concentration =
             f64::from(scale.direction) * f64::from(patch.elongation) * touch.elongation;
         let stretch =
             stretch_ratio(concentration, direction.dot(surface.axes[0]), at.stretch_outliers);
         let alike = student(&touch.feature, &patch.feature, scale.appearance_of_pose);
-        let appearance = appearance_ratio(alike, anywhere);
+        let appearance =
+            if touch.point.is_some() { 1.0 } else { appearance_ratio(alike, anywhere) };
         sum += (-0.5 * spatial).exp() * facing * stretch * appearance;
     }
     let n = session.map.patches().len() as f64;
@@ -235,6 +245,9 @@ pub fn pair_evidence(session: &Session<'_>) -> Option<f64> {
     let ratios = [first, second].map(|touch| -> Vec<f64> {
         let anywhere = density_anywhere(session.space, &touch.feature, softness);
         let ratio = |patch: &SurfacePatch| {
+            if touch.point.is_some() {
+                return 1.0;
+            }
             appearance_ratio(student(&touch.feature, &patch.feature, softness), anywhere)
         };
         map.patches()[..n].iter().map(ratio).collect()

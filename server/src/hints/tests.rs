@@ -27,7 +27,7 @@ fn reading(pressures: &[f64], position: [f64; 3]) -> (Reading, Pose) {
 fn codes(pressures: &[f64], position: [f64; 3]) -> Vec<WarningCode> {
     let (reading, pose) = reading(pressures, position);
     let sensor = SensorDescription::digitacts_6x6();
-    let judged = Judged { reading: &reading, sensor: &sensor, pose: Some(pose) };
+    let judged = Judged::press(&reading, &sensor, Some(pose));
     of_reading(judged).into_iter().map(|hint| hint.code).collect()
 }
 
@@ -42,7 +42,7 @@ fn a_press_in_another_unit_is_named_with_its_unit() {
     let units = [(1e-3, "kPa"), (1e-5, "bar"), (area, "N for each taxel"), (1e-6, "MPa")];
     for (factor, unit) in units {
         let (reading, pose) = reading(&scaled(factor), [0.4, -0.1, 0.25]);
-        let judged = Judged { reading: &reading, sensor: &sensor, pose: Some(pose) };
+        let judged = Judged::press(&reading, &sensor, Some(pose));
         let hints = of_reading(judged);
         assert_eq!(hints.len(), 1, "{hints:?}");
         assert_eq!((hints[0].code, hints[0].field), (WarningCode::PressureUnit, "/image"));
@@ -84,7 +84,7 @@ fn each_mistake_gives_one_warning_per_request() {
         .collect();
     let judged: Vec<Judged<'_>> = readings
         .iter()
-        .map(|(reading, pose)| Judged { reading, sensor: &sensor, pose: Some(*pose) })
+        .map(|(reading, pose)| Judged::press(reading, &sensor, Some(*pose)))
         .collect();
     let found = of_readings(&judged, None);
     let pointers: Vec<(WarningCode, &str)> =
@@ -107,7 +107,7 @@ fn an_array_of_few_taxels_is_judged_by_size_alone() {
     let judge = |pressures: [f64; 4]| {
         let image = pressures.map(Some);
         let reading = Reading::new(SensorId(1), &sensor, &image, Pose::IDENTITY).unwrap();
-        of_reading(Judged { reading: &reading, sensor: &sensor, pose: None }).len()
+        of_reading(Judged::press(&reading, &sensor, None)).len()
     };
     assert_eq!((judge([4.1, 2.0, 1.0, 0.5]), judge([41.0, 20.0, 0.0, 5.0])), (1, 0));
 }

@@ -9,7 +9,7 @@ use palpate_core::belief::MismatchError;
 use palpate_core::belief::answer::Answer;
 use palpate_core::belief::orbits::{OrbitScale, merge_orbits};
 use palpate_core::object::ObjectIdx;
-use palpate_core::reading::Reading;
+use palpate_core::reading::{Felt, Reading};
 use palpate_core::sensor::SensorDescription;
 use palpate_core::stop::Stop;
 use palpate_core::symmetry::Symmetry;
@@ -156,13 +156,28 @@ impl SessionBelief {
         }
     }
 
-    /// Adds a reading: in its `stored` form, and in core's.
+    /// Adds a reading: in its `stored` form, and in core's. Methods that need an image leave
+    /// contacts without one out; the answer to the request says so.
     pub(crate) fn add(
         &mut self,
         stored: &StoredReading,
-        reading: &Reading,
+        felt: &Felt,
         sensor: &SensorDescription,
     ) -> Result<(), BeliefError> {
+        let reading = match (felt, &mut *self, &stored.feature) {
+            (Felt::Press(reading), ..) => reading,
+            (Felt::Contact(contact), Self::Surface(belief), _) => {
+                if let Some(motion) = &stored.object_moved {
+                    belief.announce_move(motion);
+                }
+                belief.add_contact(contact);
+                return Ok(());
+            }
+            (Felt::Contact(_), Self::Appearance(belief), Some(feature)) => {
+                return Ok(belief.add_feature(feature)?);
+            }
+            (Felt::Contact(_), ..) => return Ok(()),
+        };
         match self {
             Self::Appearance(belief) => match &stored.feature {
                 Some(feature) => Ok(belief.add_feature(feature)?),
@@ -198,14 +213,17 @@ impl SessionBelief {
     pub(crate) fn retrace(
         &mut self,
         stored: &StoredReading,
-        reading: &Reading,
+        felt: &Felt,
         sensor: &SensorDescription,
     ) -> bool {
         let Self::Surface(belief) = self else { return false };
         if stored.object_moved.is_some() {
             belief.retrace_move();
         }
-        belief.retrace(reading, sensor);
+        match felt {
+            Felt::Press(reading) => belief.retrace(reading, sensor),
+            Felt::Contact(contact) => belief.retrace_contact(contact),
+        }
         true
     }
 
@@ -217,9 +235,13 @@ impl SessionBelief {
 
     /// log₂ ratio of a reading's density in the belief to that of a touch anywhere; `None`
     /// when the method has none.
-    pub(crate) fn fit_bits(&self, reading: &Reading, sensor: &SensorDescription) -> Option<f64> {
+    pub(crate) fn fit_bits(&self, felt: &Felt, sensor: &SensorDescription) -> Option<f64> {
         let Self::Surface(belief) = self else { return None };
-        Some(belief.log_predictive(reading, sensor)? / std::f64::consts::LN_2)
+        let log = match felt {
+            Felt::Press(reading) => belief.log_predictive(reading, sensor)?,
+            Felt::Contact(contact) => belief.log_predictive_of_contact(contact)?,
+        };
+        Some(log / std::f64::consts::LN_2)
     }
 
     /// The belief as an answer with at most `n_modes` poses.
@@ -307,7 +329,7 @@ pub(crate) fn check(
 
 /// The field of a reading that a method cannot fold, and the reason.
 fn unfit(options: &Options, model: &Model, incoming: &Incoming) -> Option<(&'static str, String)> {
-    let (reading, stored) = (&incoming.reading, &incoming.stored);
+    let stored = &incoming.stored;
     if options.method.is_appearance() {
         return unfit_for_appearance(model, incoming);
     }
@@ -316,6 +338,8 @@ fn unfit(options: &Options, model: &Model, incoming: &Incoming) -> Option<(&'sta
         let detail = format!("came with the method `{method}`, expected with `appearance…` only");
         return Some(("feature", detail));
     }
+    // A contact has its own position, and only `surface` uses it.
+    let reading = incoming.reading.press()?;
     if stored.session_from_sensor.is_none() {
         let detail = format!(
             "is missing, expected the sensor's pose in the session frame: only the methods \
@@ -347,9 +371,10 @@ fn unfit_for_appearance(model: &Model, incoming: &Incoming) -> Option<(&'static 
             let error = AppearanceError::ImageExpected { rows, cols };
             Some(("feature", format!("{error}: the version was trained on images")))
         }
+        (_, None) if incoming.stored.contact.is_some() => None,
         (AppearanceSource::Image { rows, cols, .. }, None) => {
-            let image = incoming.reading.image();
-            let error = shape_error([rows, cols], &incoming.reading);
+            let press = incoming.reading.press()?;
+            let (image, error) = (press.image(), shape_error([rows, cols], press));
             ((image.rows, image.cols) != (rows, cols)).then(|| ("sensor", error.to_string()))
         }
         (AppearanceSource::External { dimension }, None) => {

@@ -3,7 +3,7 @@
 //! New readings are stored and folded; repeated ones get the first answer again. A withdrawn
 //! reading stays in the journal and no longer counts.
 
-use palpate_core::pose::Pose;
+use glam::DVec3;
 use palpate_schemas as wire;
 use palpate_schemas::{BeliefDetail, SessionEvent};
 use palpate_store::entity::{ReadingId, StoredReading};
@@ -23,7 +23,7 @@ use crate::repeats::new_readings;
 use crate::wire::belief::top;
 use crate::wire::count;
 use crate::wire::life::Status;
-use crate::wire::reading::{Incoming, pose_of, warnings};
+use crate::wire::reading::{Incoming, place_of, warnings};
 use crate::wire::session::options;
 
 /// Result of comparing a request's readings with the journal.
@@ -67,7 +67,7 @@ impl Live {
             n_readings: count(status.n_readings + n_new as u64),
             n_presses: belief.as_ref().map(|belief| belief.n_readings),
             belief: in_detail(belief, detail),
-            warnings: warnings(&readings, self.first_pose()?),
+            warnings: warnings(&readings, self.first_place()?, Some(options(&self.session).method)),
         })
     }
 
@@ -240,14 +240,14 @@ impl Live {
         }
     }
 
-    /// The pose of the session's first reading, if it has one.
-    fn first_pose(&self) -> Result<Option<Pose>, LiveError> {
-        if let Some(known) = self.first_pose.get() {
+    /// The place of the session's first reading, if it has one.
+    fn first_place(&self) -> Result<Option<DVec3>, LiveError> {
+        if let Some(known) = self.first_place.get() {
             return Ok(*known);
         }
         let first = self.tools.store.journal().entry(self.session.id, 0)?;
         let Some(first) = first else { return Ok(None) };
-        Ok(*self.first_pose.get_or_init(|| pose_of(&first)))
+        Ok(*self.first_place.get_or_init(|| place_of(&first)))
     }
 }
 

@@ -186,6 +186,8 @@ mod tests {
             feature: None,
             approach: 0.0,
             object_moved: None,
+            contact: None,
+            shear: None,
         });
         let reading_id = id.map(|(robot, seq)| ReadingId { robot: robot.to_owned(), seq });
         Entry {

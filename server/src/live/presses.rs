@@ -9,6 +9,7 @@
 
 use std::collections::BTreeMap;
 
+use glam::{DQuat, DVec3};
 use palpate_core::pose::Pose;
 use palpate_core::units::{DEG, MM};
 use palpate_store::entity::StoredReading;
@@ -30,7 +31,7 @@ const TURN: f64 = 10.0 * DEG;
 pub(super) struct Frame {
     sensor: Uuid,
     session_from_sensor: Option<Pose>,
-    /// The mean of its pressures, Pa.
+    /// The mean of its pressures, Pa; of a contact without an image its force, N, or 1.
     pressure: f64,
     /// Whether the object may have moved before it: then it starts a press.
     object_moved: bool,
@@ -43,10 +44,16 @@ impl Frame {
             .iter()
             .flatten()
             .fold((0.0, 0.0), |(n, sum), pressure| (n + 1.0, sum + pressure));
+        // A contact that is held reports its place again and again; one that misses tells of
+        // another free place each time.
+        let held = reading.contact.filter(|contact| contact.touched);
+        let at =
+            held.map(|held| Pose::from_parts(DQuat::IDENTITY, DVec3::from_array(held.position)));
+        let mean = if n > 0.0 { sum / n } else { 0.0 };
         Self {
             sensor: reading.sensor,
-            session_from_sensor: reading.session_from_sensor,
-            pressure: if n > 0.0 { sum / n } else { 0.0 },
+            session_from_sensor: reading.session_from_sensor.or(at),
+            pressure: held.map_or(mean, |held| held.force.unwrap_or(1.0)),
             object_moved: reading.object_moved.is_some(),
         }
     }

@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use palpate_core::reading::Reading;
+use palpate_core::reading::Felt;
 use palpate_store::entity::{ReadingId, Sensor, StoredReading};
 use palpate_store::journal::{Entry, Event, Journal, NewEntry};
 use uuid::Uuid;
@@ -14,7 +14,8 @@ use uuid::Uuid;
 use super::order::{Chronicle, Touch};
 use crate::cause::Cause;
 use crate::known_sensors::KnownSensors;
-use crate::wire::reading::{Incoming, from_store};
+use crate::wire::felt::from_store;
+use crate::wire::reading::Incoming;
 use crate::wire::session::{Options, base};
 
 /// Journal entries per read.
@@ -26,7 +27,7 @@ pub(super) struct Ready {
     pub(super) number: u32,
     pub(super) id: Option<ReadingId>,
     pub(super) stored: StoredReading,
-    pub(super) reading: Reading,
+    pub(super) reading: Felt,
     pub(super) sensor: Arc<Sensor>,
 }
 
@@ -162,7 +163,7 @@ impl Readings {
 }
 
 /// A reading with the base of its robot, where that is not exact.
-fn on_its_base(reading: Reading, options: &Options, robot: Option<&str>) -> Reading {
+fn on_its_base(reading: Felt, options: &Options, robot: Option<&str>) -> Felt {
     match base(options, robot) {
         Some(base) => reading.with_base(base),
         None => reading,

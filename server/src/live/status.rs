@@ -82,6 +82,8 @@ mod tests {
             feature: None,
             approach: 0.0,
             object_moved: None,
+            contact: None,
+            shear: None,
         });
         let entry =
             NewEntry { reading_id: None, received_at_ms: 5900, event: reading, written_by: None };

@@ -180,6 +180,7 @@ impl Objects {
         let frame_id = convert::reading::shared_frame(&request.readings)?;
         let _using = self.sensors.using().await;
         convert::reading::check_size(&request.readings)?;
+        convert::felt::images_only(&request.readings)?;
         let sources = self.sensors.sources(&request.readings)?;
         let readings = convert::reading::readings(&request.readings, sources, frame_id)?;
         let journal = self.store.training();
@@ -206,7 +207,8 @@ impl Objects {
                         n_readings: convert::count(before + entries.len() as u64),
                         warnings: convert::reading::warnings(
                             &readings,
-                            first.as_ref().and_then(convert::reading::pose_of),
+                            first.as_ref().and_then(convert::reading::place_of),
+                            None,
                         ),
                     });
                 }

@@ -111,7 +111,11 @@ impl Sensors {
         let applied = self.known.newest(expected.id)?;
         let pose = incoming.stored.session_from_sensor;
         let description = &expected.description;
-        Ok(sensor::check(&incoming.reading, pose, description, applied.as_ref()))
+        let Some(press) = incoming.reading.press() else {
+            let detail = "came without an image, expected one: there is nothing to interpret";
+            return Err(Cause::field("/contact", detail));
+        };
+        Ok(sensor::check(press, pose, description, applied.as_ref()))
     }
 
     pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::SensorPage, Cause> {

@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
+use glam::DVec3;
 use palpate_core::pose::{Pose, PoseError};
-use palpate_core::reading::{Looseness, Reading, ReadingError, SensorId};
+use palpate_core::reading::{Felt, Looseness};
 use palpate_core::sensor::Calibration;
 use palpate_core::units::Shown;
 use palpate_schemas as wire;
@@ -14,6 +15,7 @@ use uuid::Uuid;
 
 use crate::hints::{Judged, of_readings};
 use crate::wire::Invalid;
+use crate::wire::felt::{self, from_store};
 use crate::wire::{INTEGER_MAX, sensor};
 
 /// Maximum number of readings in one request.
@@ -40,17 +42,19 @@ const STAMP_SEC_MAX: u64 = 9_000_000_000;
 pub(crate) struct Incoming {
     pub(crate) id: Option<ReadingId>,
     pub(crate) stored: StoredReading,
-    pub(crate) reading: Reading,
+    pub(crate) reading: Felt,
     pub(crate) sensor: Arc<Sensor>,
 }
 
 impl Incoming {
     /// The reading in the form of `hints`.
     pub(crate) fn judged(&self) -> Judged<'_> {
-        Judged {
-            reading: &self.reading,
-            sensor: &self.sensor.description,
-            pose: self.stored.session_from_sensor,
+        match &self.reading {
+            Felt::Press(reading) => {
+                let pose = self.stored.session_from_sensor;
+                Judged::press(reading, &self.sensor.description, pose)
+            }
+            Felt::Contact(contact) => Judged::contact(contact.position()),
         }
     }
 
@@ -83,7 +87,8 @@ pub(crate) fn check_size(given: &[wire::Reading]) -> Result<(), Invalid> {
         return Err(Invalid::field("/readings", detail));
     }
     let values = |reading: &wire::Reading| {
-        reading.image.len() + reading.feature.as_ref().map_or(0, Vec::len)
+        let shear = 2 * reading.shear.as_ref().map_or(0, Vec::len);
+        reading.image.len() + shear + reading.feature.as_ref().map_or(0, Vec::len)
     };
     let n_taxels: usize = given.iter().map(values).sum();
     if n_taxels > TAXELS_MAX {
@@ -118,16 +123,25 @@ pub(crate) fn readings(
 }
 
 /// The probable mistakes in the readings of a request, which follow those of a journal whose
-/// first reading has the pose `first`.
-pub(crate) fn warnings(readings: &[Incoming], first: Option<Pose>) -> Vec<wire::Warning> {
+/// first reading is at `first`, and what of them the session's `method` leaves out.
+pub(crate) fn warnings(
+    readings: &[Incoming],
+    first: Option<DVec3>,
+    method: Option<wire::Method>,
+) -> Vec<wire::Warning> {
     let judged: Vec<Judged<'_>> = readings.iter().map(Incoming::judged).collect();
-    of_readings(&judged, first.map(|pose| pose.translation))
+    let mut warnings = of_readings(&judged, first);
+    warnings.extend(felt::ignored(readings.iter().map(|incoming| &incoming.stored), method));
+    warnings
 }
 
-/// The pose of an entry; `None` if it is not a reading or has no pose.
-pub(crate) fn pose_of(entry: &Entry) -> Option<Pose> {
+/// The place of an entry (m); `None` if it is not a reading or has none.
+pub(crate) fn place_of(entry: &Entry) -> Option<DVec3> {
     match &entry.event {
-        Event::Reading(reading) => reading.session_from_sensor,
+        Event::Reading(reading) => {
+            let pose = reading.session_from_sensor.map(|pose| pose.translation);
+            pose.or(reading.contact.map(|contact| DVec3::from_array(contact.position)))
+        }
         Event::Retraction { .. } | Event::Closed => None,
     }
 }
@@ -143,6 +157,10 @@ pub(crate) fn one(
     frame(pointer, given, frame_id)?;
     let Source { sensor, applied } =
         source.ok_or_else(|| no_sensor(&format!("{pointer}/sensor"), &given.sensor))?;
+    let contact = felt::contact(pointer, given)?;
+    felt::shear(pointer, given, &sensor.description)?;
+    // There are no pressures to correct.
+    let applied = applied.filter(|_| contact.is_none());
     let pose = given.pose.as_ref().map(|given| pose(&format!("{pointer}/pose"), given));
     feature(&format!("{pointer}/feature"), given.feature.as_deref())?;
     let stored = StoredReading {
@@ -154,36 +172,18 @@ pub(crate) fn one(
         feature: given.feature.clone(),
         approach: approach(pointer, given)?,
         object_moved: object_moved(pointer, given)?,
+        contact,
+        shear: given.shear.clone(),
     };
     let calibration = applied.as_ref().map(|applied| &*applied.calibration);
-    let reading = from_store(&stored, &sensor, calibration).map_err(|error| {
-        let at = match error {
-            ReadingError::Pressure { taxel, .. } => format!("{pointer}/image/{taxel}"),
-            _ => format!("{pointer}/image"),
-        };
-        Invalid::field(at, error)
-    })?;
+    let reading =
+        from_store(&stored, &sensor, calibration).map_err(|error| felt::refused(pointer, error))?;
     Ok(Incoming { id, stored, reading, sensor })
 }
 
 /// The error of a sensor that does not exist.
 pub(crate) fn no_sensor(pointer: &str, named: &str) -> Invalid {
     Invalid::field(pointer, format!("there is no sensor {named:?}, expected an id or a name"))
-}
-
-/// A stored reading in core's form, corrected with the calibration that it names. It was
-/// checked on arrival, but not by this program. A reading without a stored pose gets the
-/// identity: callers that need poses check the stored one first.
-pub(crate) fn from_store(
-    stored: &StoredReading,
-    sensor: &Sensor,
-    calibration: Option<&Calibration>,
-) -> Result<Reading, ReadingError> {
-    let id = SensorId(stored.sensor.as_u128());
-    let pose = stored.session_from_sensor.unwrap_or(Pose::IDENTITY);
-    let reading =
-        Reading::calibrated(id, &sensor.description, calibration, &stored.pressures, pose)?;
-    Ok(reading.after_approach(stored.approach))
 }
 
 /// The length of a press's free path, metres, checked.
@@ -232,6 +232,7 @@ pub(crate) fn stored(
         stamp: reading.stamp_ns.map(stamp),
         pose: reading.session_from_sensor.as_ref().map(sensor::pose),
         image: reading.pressures.clone(),
+        shear: reading.shear.clone(),
         calibration: (reading.calibration > 0).then_some(reading.calibration),
         feature: reading.feature.clone(),
     })
@@ -259,6 +260,8 @@ pub(crate) fn of_session(
         retraction_written_by: withdrawn_by.and_then(|by| by.written_by).map(&writer),
         pose: reading.session_from_sensor.as_ref().map(sensor::pose),
         image: reading.pressures.clone(),
+        contact: reading.contact.map(felt::shown),
+        shear: reading.shear.clone(),
         calibration: (reading.calibration > 0).then_some(reading.calibration),
         feature: reading.feature.clone(),
         approach_m: reading.approach,

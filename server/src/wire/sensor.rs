@@ -159,7 +159,7 @@ pub(crate) fn check(
     let touches = !contact.is_empty();
     let in_session = |pose: Pose| point((pose * center).to_array());
     let looks = |pose: Pose| point(pose.turn([0.0, 0.0, 1.0].into()).to_array());
-    let judged = Judged { reading, sensor: description, pose: session_from_sensor };
+    let judged = Judged::press(reading, description, session_from_sensor);
     let warnings = crate::hints::of_reading(judged);
     let hints = hints(&warnings, image.pressures.len(), missing.len(), touches);
     wire::ReadingCheck {

@@ -9,6 +9,7 @@ mod calibrated;
 mod calibration;
 mod checkpoints;
 mod compute;
+mod contacts;
 mod door;
 mod fleet;
 mod frames;

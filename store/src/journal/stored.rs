@@ -1,12 +1,14 @@
 //! Stored forms of a journal's head, entries and indexes.
 //!
-//! Entries have schema 5: schema 4 and the writer's API key.
-//! Entries of schema 4 are read as ones without a recorded key, and stay unchanged. Schemas 1
+//! Entries have schema 6: schema 5 and, of a reading, a contact without an image, and shear.
+//! Schema 5 is schema 4 and the writer's API key. Entries of schemas 4 and 5 are read as ones
+//! without what they do not have, and stay unchanged. Schemas 1
 //! to 3 belong to layout 1; `migrations` converts them, and nothing else reads them.
 
 use bincode::{Decode, Encode};
 use palpate_core::pose::Pose;
 use palpate_core::reading::Looseness;
+use palpate_core::reading::point_contact::ContactNumbers;
 use uuid::Uuid;
 
 use super::{Entry, Event, Head};
@@ -91,6 +93,24 @@ impl Plain for JournalRetractionV1 {
 }
 
 #[derive(Encode, Decode)]
+struct JournalEntryV6 {
+    entry: JournalEntryV5,
+    contact: Option<ContactV1>,
+    /// Two values a taxel; NaN for one without.
+    shear: Option<Vec<u8>>,
+}
+
+#[derive(Encode, Decode)]
+struct ContactV1 {
+    touched: bool,
+    position: [f64; 3],
+    position_deviation: f64,
+    normal: Option<[f64; 3]>,
+    normal_deviation: Option<f64>,
+    force: Option<f64>,
+}
+
+#[derive(Encode, Decode)]
 struct JournalEntryV5 {
     entry: JournalEntryV4,
     written_by: Option<IdV1>,
@@ -126,7 +146,7 @@ enum EventV4 {
 
 impl Record for Entry {
     const KIND: Kind = Kind::JournalEntry;
-    const SCHEMA: u16 = 5;
+    const SCHEMA: u16 = 6;
 
     fn to_payload(&self) -> Vec<u8> {
         let event = match &self.event {
@@ -152,20 +172,37 @@ impl Record for Entry {
             reading_id,
             event,
         };
-        write(&JournalEntryV5 { entry, written_by: self.written_by.map(Uuid::into_bytes) })
+        let entry = JournalEntryV5 { entry, written_by: self.written_by.map(Uuid::into_bytes) };
+        let (contact, shear) = match &self.event {
+            Event::Reading(reading) => (reading.contact, reading.shear.as_deref()),
+            Event::Retraction { .. } | Event::Closed => (None, None),
+        };
+        let contact = contact.map(stored_contact);
+        write(&JournalEntryV6 { entry, contact, shear: shear.map(shear_to_bytes) })
     }
 
     fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
-        let JournalEntryV5 { entry, written_by } = read(payload)?;
-        Ok(Self { written_by: written_by.map(Uuid::from_bytes), ..unsigned(entry)? })
+        let JournalEntryV6 { entry, contact, shear } = read(payload)?;
+        let mut entry = signed(entry)?;
+        if let Event::Reading(reading) = &mut entry.event {
+            reading.contact = contact.map(contact_numbers);
+            reading.shear = shear.map(|bytes| shear_from_bytes(&bytes)).transpose()?;
+        }
+        Ok(entry)
     }
 
     fn from_older(schema: u16, payload: &[u8]) -> Result<Self, RecordError> {
         match schema {
             4 => unsigned(read(payload)?),
+            5 => signed(read(payload)?),
             found => Err(RecordError::Schema { found, known: Self::SCHEMA }),
         }
     }
+}
+
+/// An entry of schema 5, without a contact and without shear.
+fn signed(JournalEntryV5 { entry, written_by }: JournalEntryV5) -> Result<Entry, RecordError> {
+    Ok(Entry { written_by: written_by.map(Uuid::from_bytes), ..unsigned(entry)? })
 }
 
 /// An entry of schema 4, without a recorded key.
@@ -192,6 +229,8 @@ fn unsigned(stored: JournalEntryV4) -> Result<Entry, RecordError> {
                 feature: feature.transpose()?,
                 approach,
                 object_moved: object_moved.map(|(position, angle)| Looseness { position, angle }),
+                contact: None,
+                shear: None,
             })
         }
         EventV4::Retraction { seq } => Event::Retraction { seq },
@@ -218,6 +257,34 @@ fn pressures_to_bytes(pressures: &[Option<f64>]) -> Vec<u8> {
 fn pressures_from_bytes(bytes: &[u8]) -> Result<Vec<Option<f64>>, RecordError> {
     let values = floats(bytes)?;
     Ok(values.into_iter().map(|value| Some(value).filter(|value| !value.is_nan())).collect())
+}
+
+fn stored_contact(contact: ContactNumbers) -> ContactV1 {
+    let ContactNumbers { touched, position, position_deviation, .. } = contact;
+    let ContactNumbers { normal, normal_deviation, force, .. } = contact;
+    ContactV1 { touched, position, position_deviation, normal, normal_deviation, force }
+}
+
+/// The numbers of a contact, bit by bit as stored.
+fn contact_numbers(contact: ContactV1) -> ContactNumbers {
+    let ContactV1 { touched, position, position_deviation, .. } = contact;
+    let ContactV1 { normal, normal_deviation, force, .. } = contact;
+    ContactNumbers { touched, position, position_deviation, normal, normal_deviation, force }
+}
+
+fn shear_to_bytes(shear: &[Option<[f64; 2]>]) -> Vec<u8> {
+    let values = shear.iter().flat_map(|taxel| taxel.unwrap_or([f64::NAN; 2]));
+    values.flat_map(f64::to_le_bytes).collect()
+}
+
+fn shear_from_bytes(bytes: &[u8]) -> Result<Vec<Option<[f64; 2]>>, RecordError> {
+    let values = floats(bytes)?;
+    let (taxels, rest) = values.as_chunks::<2>();
+    if !rest.is_empty() {
+        let consumed = bytes.len() - size_of::<f64>();
+        return Err(RecordError::Trailing { consumed, length: bytes.len() });
+    }
+    Ok(taxels.iter().map(|taxel| Some(*taxel).filter(|[x, y]| !(x + y).is_nan())).collect())
 }
 
 fn feature_to_bytes(feature: &[f64]) -> Vec<u8> {

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use palpate_core::pose::Pose;
 use palpate_core::reading::Looseness;
+use palpate_core::reading::point_contact::ContactNumbers;
 use palpate_core::sensor::line::{Goodness, Line};
 use palpate_core::sensor::spread_fit::SpreadFit;
 use palpate_core::sensor::{Calibration, SensorDescription, TaxelResponse, TaxelState};
@@ -93,6 +94,8 @@ pub(crate) fn reading(n_taxels: usize) -> StoredReading {
         feature: None,
         approach: 0.0,
         object_moved: None,
+        contact: None,
+        shear: None,
     }
 }
 
@@ -234,6 +237,27 @@ pub(crate) fn read_all(database: &Database) -> Result<(), String> {
 pub(crate) fn moved_entry(robot: &str, seq: u64) -> NewEntry {
     let object_moved = Some(Looseness { position: 0.002, angle: 0.03 });
     let reading = StoredReading { approach: 0.07, object_moved, ..reading(36) };
+    NewEntry { event: Event::Reading(reading), ..entry(robot, seq) }
+}
+
+/// A contact without an image, with a normal and a force.
+pub(crate) fn contact_entry(robot: &str, seq: u64) -> NewEntry {
+    let contact = ContactNumbers {
+        touched: true,
+        position: [0.1, -0.2, 0.3],
+        position_deviation: 0.002,
+        normal: Some([0.0, 0.6, 0.8]),
+        normal_deviation: Some(0.2),
+        force: Some(1.5),
+    };
+    let reading = StoredReading { session_from_sensor: None, contact: Some(contact), ..reading(0) };
+    NewEntry { event: Event::Reading(reading), ..entry(robot, seq) }
+}
+
+/// A reading of three-axis taxels, one of them without a value.
+pub(crate) fn sheared_entry(robot: &str, seq: u64) -> NewEntry {
+    let shear = Some(vec![Some([1.0, -2.0]), None, Some([0.5, 0.0]), Some([0.0, 3.0])]);
+    let reading = StoredReading { shear, ..reading(4) };
     NewEntry { event: Event::Reading(reading), ..entry(robot, seq) }
 }
 

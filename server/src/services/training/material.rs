@@ -21,8 +21,8 @@ use uuid::Uuid;
 
 use super::{Plan, Progress, Sources, TrainingFailure, geometry, step};
 use crate::hints::Touched;
+use crate::wire::felt::press_from_store;
 use crate::wire::object::{read_format, unit_metres};
-use crate::wire::reading::from_store;
 
 /// The readings of one object.
 pub(super) struct Material {
@@ -119,7 +119,7 @@ pub(super) fn own_readings(
             None => sources.sensors.get(&stored.sensor.to_string())?,
         };
         let calibration = sources.sensors.known().calibration(used.id, stored.calibration)?;
-        let reading = from_store(stored, &used, calibration.as_deref())
+        let reading = press_from_store(stored, &used, calibration.as_deref())
             .map_err(|source| TrainingFailure::Reading { object: name(), source })?;
         readings.push(reading);
         features.extend(stored.feature.clone());

@@ -1,0 +1,190 @@
+//! Conversion of what a sensor felt: images and contacts without one between wire, store and
+//! core, and shear.
+
+use palpate_core::pose::Pose;
+use palpate_core::reading::point_contact::{
+    ContactError, ContactField, ContactNumbers, PointContact,
+};
+use palpate_core::reading::{Felt, Reading, ReadingError, SensorId};
+use palpate_core::sensor::{Calibration, SensorDescription};
+use palpate_core::units::Shown;
+use palpate_schemas as wire;
+use palpate_store::entity::{Sensor, StoredReading};
+use thiserror::Error;
+
+use super::Invalid;
+
+/// The largest shear of a taxel, pascal.
+const SHEAR_MAX: f64 = 1e8;
+
+/// Error of a stored reading that is none.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+pub(crate) enum FeltError {
+    /// Its image.
+    #[error(transparent)]
+    Image(#[from] ReadingError),
+    /// Its contact.
+    #[error("the contact's {:?} {}", .0.field(), .0)]
+    Contact(#[from] ContactError),
+}
+
+/// A stored reading in core's form, corrected with the calibration that it names. It was
+/// checked on arrival, but not by this program.
+pub(crate) fn from_store(
+    stored: &StoredReading,
+    sensor: &Sensor,
+    calibration: Option<&Calibration>,
+) -> Result<Felt, FeltError> {
+    match stored.contact {
+        Some(numbers) => {
+            let contact = PointContact::new(SensorId(stored.sensor.as_u128()), numbers)?;
+            Ok(Felt::Contact(contact.after_approach(stored.approach)))
+        }
+        None => Ok(Felt::Press(press_from_store(stored, sensor, calibration)?)),
+    }
+}
+
+/// The press of a stored reading with an image. One without a stored pose gets the identity:
+/// callers that need poses check the stored one first.
+pub(crate) fn press_from_store(
+    stored: &StoredReading,
+    sensor: &Sensor,
+    calibration: Option<&Calibration>,
+) -> Result<Reading, ReadingError> {
+    let id = SensorId(stored.sensor.as_u128());
+    let pose = stored.session_from_sensor.unwrap_or(Pose::IDENTITY);
+    let reading =
+        Reading::calibrated(id, &sensor.description, calibration, &stored.pressures, pose)?;
+    Ok(reading.after_approach(stored.approach))
+}
+
+/// The numbers of a contact as sent, with exactly one of contact and image.
+pub(super) fn contact(
+    pointer: &str,
+    given: &wire::Reading,
+) -> Result<Option<ContactNumbers>, Invalid> {
+    let Some(contact) = &given.contact else {
+        if given.image.is_empty() {
+            let detail = "is missing, expected the pressures of the taxels, or a `contact` instead";
+            return Err(Invalid::field(format!("{pointer}/image"), detail));
+        }
+        return Ok(None);
+    };
+    let beside = |field: &str, detail: &str| Invalid::field(format!("{pointer}/{field}"), detail);
+    if !given.image.is_empty() {
+        return Err(beside("contact", "came with an image, expected exactly one of both"));
+    }
+    if given.pose.is_some() {
+        let detail = "came with a `contact`, which has its own position: leave the pose out";
+        return Err(beside("pose", detail));
+    }
+    if given.shear.is_some() {
+        return Err(beside("shear", "came with a `contact`, expected with an image only"));
+    }
+    if given.approach_m.is_some() && contact.normal.is_none() {
+        let detail = "came with a `contact` without `normal`, expected one: the way is against it";
+        return Err(beside("approach_m", detail));
+    }
+    Ok(Some(ContactNumbers {
+        touched: contact.touched,
+        position: contact.position,
+        position_deviation: contact.position_deviation_m,
+        normal: contact.normal,
+        normal_deviation: contact.normal_deviation_rad,
+        force: contact.force_n,
+    }))
+}
+
+/// The refusal of a reading whose stored form is none, at its field.
+pub(super) fn refused(pointer: &str, error: FeltError) -> Invalid {
+    let at = match error {
+        FeltError::Image(ReadingError::Pressure { taxel, .. }) => {
+            format!("{pointer}/image/{taxel}")
+        }
+        FeltError::Image(_) => format!("{pointer}/image"),
+        FeltError::Contact(error) => {
+            let field = match error.field() {
+                ContactField::Position => "position",
+                ContactField::PositionDeviation => "position_deviation_m",
+                ContactField::Normal => "normal",
+                ContactField::NormalDeviation => "normal_deviation_rad",
+                ContactField::Force => "force_n",
+            };
+            return Invalid::field(format!("{pointer}/contact/{field}"), error);
+        }
+    };
+    Invalid::field(at, error)
+}
+
+/// Checks the shear of three-axis taxels.
+pub(super) fn shear(
+    pointer: &str,
+    given: &wire::Reading,
+    sensor: &SensorDescription,
+) -> Result<(), Invalid> {
+    let Some(shear) = &given.shear else { return Ok(()) };
+    let (expected, found) = (sensor.grid().n_taxels(), shear.len());
+    if found != expected {
+        let detail = format!(
+            "{found} taxels came, expected {expected}: two values for each taxel of the image"
+        );
+        return Err(Invalid::field(format!("{pointer}/shear"), detail));
+    }
+    let is_wrong = |pair: &Option<[f64; 2]>| {
+        pair.is_some_and(|pair| !pair.iter().all(|value| value.abs() <= SHEAR_MAX))
+    };
+    let Some(taxel) = shear.iter().position(is_wrong) else { return Ok(()) };
+    let [x, y] = shear[taxel].unwrap_or_default();
+    let detail = format!("came {} and {}, expected pascal within ±1e8", Shown(x), Shown(y));
+    Err(Invalid::field(format!("{pointer}/shear/{taxel}"), detail))
+}
+
+/// A contact in its wire form.
+pub(super) fn shown(contact: ContactNumbers) -> wire::Contact {
+    wire::Contact {
+        touched: contact.touched,
+        position: contact.position,
+        position_deviation_m: contact.position_deviation,
+        normal: contact.normal,
+        normal_deviation_rad: contact.normal_deviation,
+        force_n: contact.force,
+    }
+}
+
+/// Refuses readings without an image: objects are learnt from images.
+pub(crate) fn images_only(given: &[wire::Reading]) -> Result<(), Invalid> {
+    let Some(index) = given.iter().position(|reading| reading.contact.is_some()) else {
+        return Ok(());
+    };
+    let detail = "came without an image, expected one: objects are learnt from images; contacts \
+                  serve to recognise them";
+    Err(Invalid::field(format!("/readings/{index}/contact"), detail))
+}
+
+/// What of these readings a session's method leaves out, at most one warning of a kind; without
+/// a method only what no method uses.
+pub(crate) fn ignored<'a>(
+    given: impl Iterator<Item = &'a StoredReading> + Clone,
+    method: Option<wire::Method>,
+) -> Vec<wire::Warning> {
+    let mut warnings = Vec::new();
+    let first = |is: fn(&StoredReading) -> bool| given.clone().position(is);
+    if let Some(method) = method.filter(|method| *method != wire::Method::Surface)
+        && let Some(index) = first(|reading| reading.contact.is_some())
+    {
+        let detail = format!(
+            "the method `{}` needs images: contacts without one are stored and do not change the \
+             belief; `surface` uses them",
+            method.name()
+        );
+        let (code, pointer) =
+            (wire::WarningCode::ContactIgnored, format!("/readings/{index}/contact"));
+        warnings.push(wire::Warning { code, pointer, detail });
+    }
+    if let Some(index) = first(|reading| reading.shear.is_some()) {
+        let detail = "shear is stored and returned with the reading; no method uses it".to_owned();
+        let (code, pointer) = (wire::WarningCode::ShearIgnored, format!("/readings/{index}/shear"));
+        warnings.push(wire::Warning { code, pointer, detail });
+    }
+    warnings
+}
