@@ -286,6 +286,7 @@ mod tests {
                 covariance: vec![0.0; 36],
                 symmetry: Vec::new(),
             }],
+            warnings: Vec::new(),
         }
     }
 

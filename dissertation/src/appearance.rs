@@ -224,6 +224,7 @@ impl AppearanceBelief {
             modes: Vec::new(),
             entropy_bits,
             n_readings: self.n_readings,
+            sensor_shift: None,
         }
     }
 

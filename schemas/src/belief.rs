@@ -6,6 +6,7 @@ use uuid::Uuid;
 
 use crate::pose::Pose;
 use crate::symmetry::SymmetryAxis;
+use crate::warning::Warning;
 
 /// Parameters of a belief query.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq, IntoParams)]
@@ -58,6 +59,10 @@ pub struct Belief {
     /// equivalent under the object's `symmetry` are one hypothesis. Empty with the methods
     /// `appearance…`, which estimate no pose.
     pub poses: Vec<PoseHypothesis>,
+    /// What all touches together suggest to be wrong, with the likeliest cause, such as a tool
+    /// centre that is off. With `surface` only.
+    #[serde(default)]
+    pub warnings: Vec<Warning>,
 }
 
 /// Reason why probabilities are not calibrated.

@@ -32,6 +32,9 @@ pub enum WarningCode {
     PositionUnit,
     /// A position is further from the frame's origin than an arm reaches.
     PositionFar,
+    /// All touches of a session fit better with the sensor beside its stated pose: the tool centre
+    /// is probably wrong, or the covering is softer or stiffer than described.
+    SensorShifted,
     /// Readings that touch one object are further apart than an object is large.
     PositionsApart,
     /// An object is larger than objects that robots touch: probably the wrong unit.

@@ -6,6 +6,7 @@
 //! (`wire::reading`).
 
 mod object;
+mod shift;
 mod units;
 
 use std::collections::BTreeMap;
@@ -19,6 +20,7 @@ use palpate_core::units::Shown;
 use palpate_schemas::{Warning, WarningCode};
 
 pub(crate) use object::{Touched, of_catalogue, of_object};
+pub(crate) use shift::of_session;
 use units::{is_structured, meant};
 
 /// Reach of an arm from the origin of its frame, metres. Chosen: the longest industrial arms

@@ -281,7 +281,10 @@ fn belief_words(belief: &Belief) -> String {
     let entropy = belief.entropy_bits;
     let note = belief.uncalibrated_reason.map(|reason| format!("\n{}", calibrated::note(reason)));
     let note = note.unwrap_or_default();
-    format!("{objects}\n\n{poses}\n\n{} readings, {entropy:.2} bits{note}", belief.n_readings)
+    let warnings = belief.warnings.iter().map(|warning| format!("\n{}", warning.detail));
+    let warnings: String = warnings.collect();
+    let n = belief.n_readings;
+    format!("{objects}\n\n{poses}\n\n{n} readings, {entropy:.2} bits{note}{warnings}")
 }
 
 /// The likeliest bin of each coordinate.

@@ -24,6 +24,20 @@ pub struct Answer {
     pub entropy_bits: f64,
     /// Number of readings.
     pub n_readings: usize,
+    /// Where the touches say that the sensor truly is; `None` for methods that do not estimate it,
+    /// and while no object is likelier than not.
+    pub sensor_shift: Option<SensorShift>,
+}
+
+/// Place of the sensor relative to the stated one, shared by all touches, in the sensor frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SensorShift {
+    /// x, y, z, metres.
+    pub shift: DVec3,
+    /// Standard deviation of each, metres.
+    pub deviation: DVec3,
+    /// Number of touches it rests on.
+    pub n_touches: usize,
 }
 
 impl Answer {
@@ -134,7 +148,7 @@ pub fn answer(
     }
     modes.sort_by(|a: &PoseMode, b| b.weight.total_cmp(&a.weight));
     let entropy_bits = entropy_bits(&probabilities);
-    Answer { probabilities, unknown: 0.0, modes, entropy_bits, n_readings }
+    Answer { probabilities, unknown: 0.0, modes, entropy_bits, n_readings, sensor_shift: None }
 }
 
 fn belongs(pose: &WeightedPose, best: &WeightedPose, scale: &ModeScale) -> bool {

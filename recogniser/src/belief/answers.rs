@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use palpate_core::belief::answer::{Answer, PoseMode};
+use palpate_core::belief::answer::{Answer, PoseMode, SensorShift};
 use palpate_core::belief::orbits::merge_orbits;
 use palpate_core::log_prob::{entropy_bits, log_sum_exp};
 use palpate_core::object::ObjectIdx;
@@ -17,7 +17,7 @@ use super::object::ObjectBelief;
 use crate::model::SurfaceMap;
 use crate::observe::observation::Observation;
 use crate::options::SurfaceOptions;
-use crate::refine::gauss_newton::{covariance, refine};
+use crate::refine::gauss_newton::{refine, uncertainty};
 use crate::refine::likeness::{look_alike, orbit_scale};
 use crate::verify::hypothesis::Hypothesis;
 
@@ -27,6 +27,9 @@ const SHARE_MIN: f64 = 1e-6;
 /// Probability below which a pose is returned without further refinement: robots do not move by
 /// such poses.
 const LIKELY_ENOUGH: f64 = 1e-3;
+
+/// Probability of a pose from which its tool error is that of the session.
+const LIKELY: f64 = 0.5;
 
 /// Number of touches from which poses are refined; two touches do not determine a pose better
 /// than its proposal.
@@ -60,24 +63,30 @@ pub(super) fn answer(
         }
     }
     let poses = distinct(poses, maps, n_modes, options);
+    let mut sensor_shift = None;
     let mode = |Share { share: weight, component, object, hypothesis }: Share| {
         let (of, map, kernel) = (&components[component], &maps[object], &common.kernel);
-        let mut refined = hypothesis;
-        if of.touches.len() >= REFINED_FROM && weight > LIKELY_ENOUGH {
+        let (mut refined, n_touches) = (hypothesis, of.touches.len());
+        if n_touches >= REFINED_FROM && weight > LIKELY_ENOUGH {
             refine(&mut refined, map, of.touches, kernel, options);
+        }
+        let found = uncertainty(&refined, map, of.touches, kernel, options);
+        if weight > LIKELY && n_touches >= REFINED_FROM {
+            let shift = refined.tool.as_dvec3();
+            sensor_shift = Some(SensorShift { shift, deviation: found.tool, n_touches });
         }
         PoseMode {
             object: ObjectIdx(object as u32),
             session_from_object: refined.session_from_object(anchor),
-            covariance: covariance(&refined, map, of.touches, kernel, options)
-                + of.objects[object].motion_prior.covariance(of.touches.len()),
+            covariance: found.pose + of.objects[object].motion_prior.covariance(n_touches),
             weight,
         }
     };
     let modes = poses.into_iter().map(mode).collect();
     let symmetry = |object: ObjectIdx| maps[object.0 as usize].symmetry();
     let modes = merge_orbits(modes, symmetry, &orbit_scale(options));
-    Answer { probabilities: posterior, unknown, modes, entropy_bits, n_readings: 0 }
+    let probabilities = posterior;
+    Answer { probabilities, unknown, modes, entropy_bits, n_readings: 0, sensor_shift }
 }
 
 /// A hypothesis and its share of the belief.

@@ -6,7 +6,7 @@
 //! tool centre that all touches share (equation R21a). The covariance is the inverse of the
 //! Hessian (equation R22).
 
-use glam::{Mat3, Quat, Vec3};
+use glam::{DVec3, Mat3, Quat, Vec3};
 use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Vector3, Vector6};
 use palpate_core::reading::Looseness;
 
@@ -107,22 +107,38 @@ pub(crate) fn refine(
     }
 }
 
-/// The covariance of a pose: x, y, z (m), then rotation about the session's axes (rad).
-pub(crate) fn covariance(
+/// Uncertainty of a refined hypothesis.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Uncertainty {
+    /// Covariance of the pose: x, y, z (m), then rotation about the session's axes (rad).
+    pub(crate) pose: Matrix6<f64>,
+    /// Standard deviations of the tool's error along the sensor's axes, metres.
+    pub(crate) tool: DVec3,
+}
+
+/// The uncertainty of a hypothesis. Equation R22 of docs/recogniser.md.
+pub(crate) fn uncertainty(
     hypothesis: &Hypothesis,
     map: &SurfaceMap,
     touches: &[Observation],
     kernel: &Kernel,
     options: &SurfaceOptions,
-) -> Matrix6<f64> {
+) -> Uncertainty {
     let mut informed = linearise(hypothesis, map, touches, kernel, options).hessian;
     let mut of_pose = informed.fixed_view_mut::<6, 6>(0, 0);
     of_pose += diagonal(PRIOR_DEVIATION, -2);
-    let unknown = || diagonal(PRIOR_DEVIATION, 2);
-    let found = informed
-        .cholesky()
-        .map_or_else(unknown, |factor| factor.inverse().fixed_view::<6, 6>(0, 0).into_owned());
-    found + diagonal(FLOOR_DEVIATION, 2)
+    let floor = diagonal(FLOOR_DEVIATION, 2);
+    match informed.cholesky().map(|factor| factor.inverse()) {
+        Some(found) => {
+            let deviation = |axis: usize| found[(6 + axis, 6 + axis)].sqrt() + FLOOR_DEVIATION.0;
+            let pose = found.fixed_view::<6, 6>(0, 0).into_owned() + floor;
+            Uncertainty { pose, tool: DVec3::from_array([0, 1, 2].map(deviation)) }
+        }
+        None => Uncertainty {
+            pose: diagonal(PRIOR_DEVIATION, 2) + floor,
+            tool: DVec3::splat(options.refinement.tool.into()),
+        },
+    }
 }
 
 fn diagonal((position, rotation): (f64, f64), power: i32) -> Matrix6<f64> {
@@ -239,8 +255,6 @@ fn column(v: Vec3) -> Vector3<f64> {
 
 #[cfg(test)]
 mod tests {
-    use glam::DVec3;
-
     use super::*;
     use crate::observe::touch::Touch;
     use crate::test_support::{error, map_of, places, seen, single, some_pose};
@@ -344,8 +358,9 @@ mod tests {
         let (rotation, translation) = single(&truth);
         let hypothesis = Hypothesis::new(rotation, translation, 0.0);
         let kernel = Kernel::new(&options);
-        let of =
-            |touches: &[Observation]| covariance(&hypothesis, &map, touches, &kernel, &options);
+        let of = |touches: &[Observation]| {
+            uncertainty(&hypothesis, &map, touches, &kernel, &options).pose
+        };
         // Without touches: (20 mm)² + (0.2 mm)² and 0.5² + 0.01² rad².
         let none = of(&[]);
         assert!((none[(0, 0)] - 4.0004e-4).abs() < 1e-9 && (none[(5, 5)] - 0.2501).abs() < 1e-9);

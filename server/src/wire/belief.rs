@@ -7,6 +7,7 @@ use palpate_schemas as wire;
 use palpate_schemas::Method;
 use palpate_store::entity::Session;
 
+use crate::hints::of_session;
 use crate::model::Model;
 use crate::wire::session::{options, untold_unknown_prior};
 use crate::wire::{count, evidence, sensor, symmetry};
@@ -44,6 +45,7 @@ pub(crate) fn belief(
         uncalibrated_reason,
         entropy_bits: answer.entropy_bits,
         poses,
+        warnings: answer.sensor_shift.as_ref().and_then(of_session).into_iter().collect(),
     }
 }
 

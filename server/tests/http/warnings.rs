@@ -1,10 +1,11 @@
 //! Tests of warnings about probable mistakes: units, poses, sizes, objects left out.
 
+use glam::DVec3;
 use palpate_core::pose::Pose;
 use reqwest::Method;
 use serde_json::{Value, json};
 
-use crate::harness::{BAR, CUBE, Harness, off_box, quiet_reading, touches};
+use crate::harness::{BAR, CUBE, Harness, off_box, pose_of, quiet_reading, touches};
 
 /// The reading of the HTTP guide.
 fn press(pascals: f64, position: [f64; 3]) -> Value {
@@ -184,4 +185,31 @@ async fn implausible_sizes_give_training_warnings() {
     assert!(!of(1).contains(&"object_large".to_owned()), "{report}");
     assert!(of(2).contains(&"object_large".to_owned()), "{report}");
     assert_eq!(codes(&report), one("sizes_differ", "/objects"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_session_with_a_wrong_tool_centre_says_so() {
+    let it = Harness::trained().await;
+    let warned = async |off: f64| {
+        let session = it.session(json!({})).await;
+        let mut readings = touches(BAR, 12, 41, Pose::IDENTITY);
+        for reading in &mut readings {
+            // The sensor is `off` metres further out than the robot states.
+            let pose = pose_of(&reading["pose"]);
+            let stated = pose.translation - pose.turn(DVec3::Z) * off;
+            reading["pose"]["position"] = json!(stated.to_array());
+        }
+        let path = format!("/v1/sessions/{session}/readings");
+        let added = it.post(&path, &json!({"readings": readings})).await.expect(200);
+        assert_eq!(added["belief"]["objects"][0]["name"], "bar");
+        added["belief"].clone()
+    };
+    assert_eq!(codes(&warned(0.0).await), []);
+    for off in [0.003, -0.003] {
+        let belief = warned(off).await;
+        assert_eq!(codes(&belief), one("sensor_shifted", ""), "{belief}");
+        let detail = belief["warnings"][0]["detail"].as_str().unwrap();
+        let sign = if off > 0.0 { "+" } else { "-" };
+        assert!(detail.contains("tool centre") && detail.contains(sign), "{detail}");
+    }
 }
