@@ -10,6 +10,7 @@ mod calibration;
 mod checkpoints;
 mod compute;
 mod contacts;
+mod coupling;
 mod door;
 mod fleet;
 mod frames;
