@@ -20,6 +20,7 @@ mod headers;
 mod history;
 mod keeping;
 mod keys;
+mod knowledge;
 mod leases;
 mod limits;
 mod matrix;

@@ -34,10 +34,11 @@ pub fn sample_family(
     sample_with(&drawn, simulator.surface(), sensor, n, seed, config, progress)
 }
 
-/// Takes `runs` runs of `touches` readings, each run by one sensor of the family.
+/// Takes `runs` runs of `touches` readings, each run by one sensor of the family. A sensor that
+/// cannot touch the object often enough is replaced by another one.
 ///
 /// # Errors
-/// [`SampleError`] when too many attempts fail or `progress`, called once a run, stops.
+/// [`SampleError`] when more sensors fail than succeed or `progress`, called once a run, stops.
 pub fn sample_runs(
     simulator: &PressSimulator,
     family: &SensorFamily,
@@ -48,18 +49,30 @@ pub fn sample_runs(
     progress: &mut dyn FnMut(usize, usize) -> ControlFlow<()>,
 ) -> Result<Vec<Reading>, SampleError> {
     let mut readings = Vec::with_capacity(runs * touches);
-    for run in 0..runs {
+    for run in 0..2 * runs {
+        if readings.len() == runs * touches {
+            break;
+        }
         // Other streams than those of training with this seed.
         let seed = (!seed).wrapping_add((run as u64) << 32);
         let pressed = one_of(simulator, family, seed, run as u64);
         let mut go_on = |_: usize, _: usize| ControlFlow::Continue(());
-        readings.extend(sample(&pressed, sensor, touches, seed, config, &mut go_on)?);
+        if let Ok(taken) = sample(&pressed, sensor, touches, seed, config, &mut go_on) {
+            readings.extend(taken);
+        }
         if progress(readings.len(), runs * touches).is_break() {
             let (accepted, wanted) = (readings.len(), runs * touches);
             return Err(SampleError::Stopped { accepted, wanted });
         }
     }
-    Ok(readings)
+    match readings.len() {
+        n if n == runs * touches => Ok(readings),
+        accepted => Err(SampleError::TooFewTouches {
+            accepted,
+            wanted: runs * touches,
+            attempts: 2 * runs * touches,
+        }),
+    }
 }
 
 /// The object of `simulator` under the family's sensor with the given index.

@@ -1763,6 +1763,46 @@ export interface components {
              */
             live_bytes: number;
         };
+        /**
+         * @description Coupling of the covering and the taxels, beyond the standard deviation of the spread. Every
+         *     field may be omitted. In trainings of `data_sheet`, a value other than its default is taken as
+         *     known, and a default as unknown.
+         */
+        Coupling: {
+            /**
+             * Format: double
+             * @description Share of a taxel's pressure that each of its up to four neighbours reads in addition, 0 to
+             *     0.5. Sheets call it "cross-talk"; −20 dB is 0.1. Default: 0.
+             */
+            cross_talk?: number;
+            /**
+             * @description Effect of the covering's end on forces near it. Press a flat plate on the whole array: the
+             *     outermost taxels read as much as the others (`continues`), more (`conserves_force`) or less
+             *     (`loses_force`). Default: `continues`.
+             */
+            edge?: components["schemas"]["CoveringEdge"];
+            /**
+             * Format: double
+             * @description Relative standard deviation of the taxels' gains, 0 to 0.5. Sheets call it "uniformity" or
+             *     "part-to-part repeatability". Default: 0.
+             */
+            gain_spread?: number;
+            /**
+             * Format: double
+             * @description Largest relative deviation of a press through hysteresis, 0 to 0.5. Half of the "hysteresis"
+             *     of the sheet, which is the whole width of the loop. Default: 0.
+             */
+            hysteresis?: number;
+            /** @description Shape of the lateral spread. Data sheets do not state it: omit it. Default: `gaussian`. */
+            kernel?: components["schemas"]["SpreadKernel"];
+            /**
+             * Format: double
+             * @description Extent of the covering beyond the cells of the outermost taxels, in metres, 0 to 0.1; null
+             *     if it is farther than any press spreads. Measure it with a ruler: 0 if the rubber ends where
+             *     the array ends. Default: null.
+             */
+            margin?: number | null;
+        };
         /** @description Comparison of coverings. */
         CoveringAnalysis: {
             /**
@@ -1785,6 +1825,11 @@ export interface components {
              */
             recommended?: number | null;
         };
+        /**
+         * @description Effect of the end of the covering on forces near it.
+         * @enum {string}
+         */
+        CoveringEdge: "continues" | "conserves_force" | "loses_force";
         /** @description Benefits and costs of one covering. */
         CoveringTradeOff: {
             /** @description Spatial acuity at each force resolution. */
@@ -1839,6 +1884,7 @@ export interface components {
         };
         /** @description A new sensor, from a preset or a description. */
         CreateSensor: {
+            coupling?: components["schemas"]["Coupling"] | null;
             description?: components["schemas"]["DescribeSensor"] | null;
             image_order?: components["schemas"]["ImageOrder"] | null;
             /**
@@ -1847,6 +1893,7 @@ export interface components {
              */
             name: string;
             preset?: components["schemas"]["SensorPreset"] | null;
+            sensor_knowledge?: components["schemas"]["SensorKnowledge"] | null;
         };
         /**
          * @description A new session: one object that is touched. It rests in one frame, except with the methods
@@ -1964,6 +2011,8 @@ export interface components {
          *     of omitted fields.
          */
         DescribeSensor: {
+            /** @description Spread, edge and cross-talk beyond one Gaussian. */
+            coupling?: components["schemas"]["Coupling"];
             /**
              * Format: double
              * @description Thickness of the covering in metres, which is also the deepest indentation.
@@ -1999,6 +2048,7 @@ export interface components {
              * @example 78.125
              */
             quantisation: number;
+            ranges?: components["schemas"]["SensorRanges"] | null;
             /**
              * Format: double
              * @description Largest pressure that a taxel reports, in pascal.
@@ -2503,6 +2553,19 @@ export interface components {
             /** @description The best evaluated approaches, best first. */
             touches: components["schemas"]["NextTouch"][];
         };
+        /** @description A range of numbers. */
+        NumberRange: {
+            /**
+             * Format: double
+             * @description Largest value; at least `low`.
+             */
+            high: number;
+            /**
+             * Format: double
+             * @description Smallest value.
+             */
+            low: number;
+        };
         /** @description Appearance of one object. */
         ObjectAppearance: {
             /** @description Number of readings in each class; soft assignments count in part. */
@@ -2642,6 +2705,7 @@ export interface components {
              *     and surfaces.
              */
             origin_in_mesh: number[];
+            sensor_knowledge?: components["schemas"]["SensorKnowledge"] | null;
             surface?: components["schemas"]["SurfaceReport"] | null;
             /**
              * @description Symmetry axes in the object frame, highest order first; empty if there are none or if the
@@ -3291,6 +3355,8 @@ export interface components {
             name: string;
             /** @description The preset the sensor was created from, if any. */
             preset?: string | null;
+            /** @description The owner's trust in the description. */
+            sensor_knowledge?: components["schemas"]["SensorKnowledge"];
         };
         /** @description A calibration of a sensor. It applies to readings received after it. */
         SensorCalibration: {
@@ -3336,6 +3402,8 @@ export interface components {
          *     object, +x along columns, +y along rows.
          */
         SensorDescription: {
+            /** @description Spread, edge and cross-talk beyond one Gaussian. */
+            coupling?: components["schemas"]["Coupling"];
             /**
              * Format: double
              * @description Thickness of the covering in metres, which is also the deepest indentation.
@@ -3366,6 +3434,7 @@ export interface components {
              * @example 78.125
              */
             quantisation: number;
+            ranges?: components["schemas"]["SensorRanges"] | null;
             /**
              * Format: double
              * @description Largest pressure that a taxel reports, in pascal.
@@ -3373,6 +3442,11 @@ export interface components {
              */
             saturation: number;
         };
+        /**
+         * @description Trust in a sensor's description, which decides how meshes are pressed in trainings.
+         * @enum {string}
+         */
+        SensorKnowledge: "measured" | "data_sheet";
         /** @description A page of sensors. */
         SensorPage: {
             /** @description The sensors, oldest first. */
@@ -3385,6 +3459,21 @@ export interface components {
          * @enum {string}
          */
         SensorPreset: "digitacts-6x6" | "digitacts-6x6-thin" | "digitacts-6x8" | "fingertip-14x14" | "tekscan-26x26";
+        /**
+         * @description What a description of `data_sheet` leaves open: trainings from meshes draw sensors from these
+         *     ranges. A range in the request takes the place of the default.
+         */
+        SensorRanges: {
+            cross_talk?: components["schemas"]["NumberRange"] | null;
+            /** @description Effects of the covering's end. Default: that of `coupling`, or all if it is `continues`. */
+            edges?: components["schemas"]["CoveringEdge"][] | null;
+            /** @description Shapes of the spread. Default: that of `coupling`, or all if it is `gaussian`. */
+            kernels?: components["schemas"]["SpreadKernel"][] | null;
+            margin?: components["schemas"]["NumberRange"] | null;
+            spread_factor?: components["schemas"]["NumberRange"] | null;
+            stiffening?: components["schemas"]["NumberRange"] | null;
+            stiffness?: components["schemas"]["NumberRange"] | null;
+        };
         /** @description A session: one object that is touched. */
         Session: {
             /**
@@ -3641,6 +3730,11 @@ export interface components {
              */
             sigma_in_widths: number;
         };
+        /**
+         * @description Shape of the lateral spread of a press; its standard deviation is `point_spread`.
+         * @enum {string}
+         */
+        SpreadKernel: "gaussian" | "exponential";
         /** @description One press of the fine grid. */
         SpreadPress: {
             /**
@@ -3706,9 +3800,9 @@ export interface components {
             /**
              * Format: int32
              * @description Version of the same catalogue to extend. Its vocabularies and objects are kept bit for bit;
-             *     only `objects` are trained (default: those it does not know). `n_classes`, `descriptor`,
-             *     `distance_range`, `geometric`, `appearance`, `surface` and `sva` are taken from that
-             *     version and must not be given.
+             *     only `objects` are trained (default: those it does not know). `sensor_knowledge`, `n_classes`,
+             *     `descriptor`, `distance_range`, `geometric`, `appearance`, `surface` and `sva` are taken
+             *     from that version and must not be given.
              */
             extend?: number | null;
             geometric?: components["schemas"]["GeometricTraining"] | null;
@@ -3734,6 +3828,7 @@ export interface components {
              *     own are trained from those. Default: `digitacts-6x6`.
              */
             sensor?: string | null;
+            sensor_knowledge?: components["schemas"]["SensorKnowledge"] | null;
             /**
              * @description Whether one object that cannot be trained fails the training. If false, the object is
              *     skipped and listed under `skipped` in the report. A training left without objects always
@@ -4064,6 +4159,7 @@ export interface components {
              * @description Seed of all random choices.
              */
             seed: number;
+            sensor_knowledge?: components["schemas"]["SensorKnowledge"] | null;
             /** @description Objects that could not be trained, with reasons. They are not in the version. */
             skipped?: components["schemas"]["SkippedObject"][];
             /**
@@ -9743,6 +9839,14 @@ export interface operations {
                 /**
                  * @example {
                  *       "description": {
+                 *         "coupling": {
+                 *           "cross_talk": 0,
+                 *           "edge": "loses_force",
+                 *           "gain_spread": 0.05,
+                 *           "hysteresis": 0,
+                 *           "kernel": "gaussian",
+                 *           "margin": 0.001
+                 *         },
                  *         "covering_thickness": 0.00254,
                  *         "force_curve": [
                  *           {

@@ -7,7 +7,7 @@ use palpate_client::schemas::{
 };
 use palpate_core::sensor as core;
 
-use crate::{output, robot};
+use crate::{knowledge, output, robot};
 
 /// Options of `palpate sensors add`; each overrides the preset or the description.
 #[derive(Debug, Args)]
@@ -79,26 +79,12 @@ fn of_preset(preset: SensorPreset) -> Coupling {
     }
 }
 
-/// Meaning of a level of knowledge for trainings from meshes.
-pub(crate) fn meaning(knowledge: SensorKnowledge) -> &'static str {
-    match knowledge {
-        SensorKnowledge::Measured => {
-            "meshes are pressed exactly as described: right only for a sensor that is measured \
-             or simulated"
-        }
-        SensorKnowledge::DataSheet => {
-            "meshes are pressed with many sensors that the description may stand for, so that \
-             spread, edge and stiffness need not be known"
-        }
-    }
-}
-
 /// Coupling, knowledge and ranges of a sensor, a line each.
 pub(super) fn words(sensor: &Sensor) -> String {
     let Coupling { kernel, margin, edge, cross_talk, gain_spread, hysteresis } =
         sensor.description.coupling;
     let margin = margin.map_or("far".to_owned(), output::mm);
-    let knowledge = sensor.sensor_knowledge;
+    let level = sensor.sensor_knowledge;
     let mut lines = vec![
         format!(
             "coupling: {} spread of {}, covering {margin} beyond the array ({}), cross-talk {}, \
@@ -110,7 +96,7 @@ pub(super) fn words(sensor: &Sensor) -> String {
             percent(gain_spread),
             percent(hysteresis),
         ),
-        format!("knowledge: {} ({})", knowledge.name(), meaning(knowledge)),
+        format!("knowledge: {} ({})", level.name(), knowledge::meaning(level)),
     ];
     lines.extend(sensor.description.ranges.as_ref().map(range_words));
     lines.join("\n")
