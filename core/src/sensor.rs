@@ -1,5 +1,6 @@
 //! Tactile array sensors: their description, calibration and point spread.
 
+pub mod arrays;
 pub mod calibration;
 pub mod coupling;
 pub mod covering;

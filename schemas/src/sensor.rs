@@ -141,16 +141,36 @@ pub enum SensorPreset {
     /// 26 × 26 taxels over 12 mm: the density of a Tekscan sensor.
     #[serde(rename = "tekscan-26x26")]
     Tekscan26x26,
+    /// XELA uSkin uSPa 44: 4 × 4 taxels at 4.7 mm in a soft skin.
+    #[serde(rename = "xela-uskin-4x4")]
+    XelaUskin4x4,
+    /// Contactile PapillArray: 3 × 3 separate pillars, 7 mm apart.
+    #[serde(rename = "contactile-papillarray-3x3")]
+    ContactilePapillarray3x3,
+    /// One module of PPS DigiTacts: 6 × 4 elements of 1.8 mm with gaps of 0.1 mm.
+    #[serde(rename = "pps-digitacts-6x4")]
+    PpsDigitacts6x4,
+    /// GelSight Mini as 18 × 24 heights at 0.775 mm; 10 Pa stand for 1 µm.
+    #[serde(rename = "gelsight-mini-18x24")]
+    GelsightMini18x24,
+    /// DIGIT as 16 × 19 heights at 1 mm; 10 Pa stand for 1 µm.
+    #[serde(rename = "digit-16x19")]
+    Digit16x19,
 }
 
 impl SensorPreset {
     /// Every preset.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 10] = [
         Self::Digitacts6x6,
         Self::Digitacts6x6Thin,
         Self::Digitacts6x8,
         Self::Fingertip14x14,
         Self::Tekscan26x26,
+        Self::XelaUskin4x4,
+        Self::ContactilePapillarray3x3,
+        Self::PpsDigitacts6x4,
+        Self::GelsightMini18x24,
+        Self::Digit16x19,
     ];
 
     /// Name of the preset on the wire.
@@ -162,6 +182,11 @@ impl SensorPreset {
             Self::Digitacts6x8 => "digitacts-6x8",
             Self::Fingertip14x14 => "fingertip-14x14",
             Self::Tekscan26x26 => "tekscan-26x26",
+            Self::XelaUskin4x4 => "xela-uskin-4x4",
+            Self::ContactilePapillarray3x3 => "contactile-papillarray-3x3",
+            Self::PpsDigitacts6x4 => "pps-digitacts-6x4",
+            Self::GelsightMini18x24 => "gelsight-mini-18x24",
+            Self::Digit16x19 => "digit-16x19",
         }
     }
 }

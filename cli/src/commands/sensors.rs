@@ -43,7 +43,7 @@ enum Action {
         /// Preset of a known sensor.
         #[arg(long, value_parser = parse_preset, required_unless_present = "description")]
         preset: Option<SensorPreset>,
-        /// JSON file with the API's `DescribeSensor`. The guide "training" explains how to fill it
+        /// JSON file with the API's `DescribeSensor`. The guide "sensors" explains how to fill it
         /// in from a data sheet.
         #[arg(long, value_name = "FILE", conflicts_with = "preset")]
         description: Option<PathBuf>,

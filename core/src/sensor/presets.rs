@@ -1,7 +1,9 @@
 //! Known sensors by name, with what is known about each.
 //!
-//! The sensors of the dissertation's simulations describe the simulator itself.
+//! The sensors of the dissertation's simulations describe the simulator itself; real arrays
+//! (`arrays`) are of data sheets.
 
+use super::arrays;
 use super::coupling::Coupling;
 use super::defaults;
 use super::description::{ImageOrder, SensorDescription, SensorParameters, TaxelGrid};
@@ -23,12 +25,17 @@ pub struct Preset {
 
 impl Preset {
     /// The names that [`Preset::named`] accepts.
-    pub const NAMES: [&'static str; 5] = [
+    pub const NAMES: [&'static str; 10] = [
         "digitacts-6x6",
         "digitacts-6x6-thin",
         "digitacts-6x8",
         "fingertip-14x14",
         "tekscan-26x26",
+        "xela-uskin-4x4",
+        "contactile-papillarray-3x3",
+        "pps-digitacts-6x4",
+        "gelsight-mini-18x24",
+        "digit-16x19",
     ];
 
     /// The preset with the given name in the API and on the command line.
@@ -39,12 +46,22 @@ impl Preset {
             knowledge: SensorKnowledge::Measured,
             ranges: StatedRanges::default(),
         };
+        let real = |(parameters, ranges)| Self {
+            description: checked(parameters),
+            knowledge: SensorKnowledge::DataSheet,
+            ranges,
+        };
         match name {
             "digitacts-6x6" => Some(simulated(SensorDescription::digitacts_6x6())),
             "digitacts-6x6-thin" => Some(simulated(SensorDescription::digitacts_6x6_thin())),
             "digitacts-6x8" => Some(simulated(SensorDescription::digitacts_6x8())),
             "fingertip-14x14" => Some(simulated(SensorDescription::fingertip_14x14())),
             "tekscan-26x26" => Some(simulated(SensorDescription::tekscan_26x26())),
+            "xela-uskin-4x4" => Some(real(arrays::xela_uskin_4x4())),
+            "contactile-papillarray-3x3" => Some(real(arrays::contactile_papillarray_3x3())),
+            "pps-digitacts-6x4" => Some(real(arrays::pps_digitacts_6x4())),
+            "gelsight-mini-18x24" => Some(real(arrays::gelsight_mini_18x24())),
+            "digit-16x19" => Some(real(arrays::digit_16x19())),
             _ => None,
         }
     }

@@ -9,7 +9,7 @@ use crate::harness::{BAR, CUBE, Harness, off_box, quiet_reading};
 async fn presets_exist_and_sensors_can_be_added() {
     let it = Harness::start().await;
     let page = it.get("/v1/sensors").await.expect(200);
-    assert_eq!(page["items"].as_array().unwrap().len(), 5);
+    assert_eq!(page["items"].as_array().unwrap().len(), 10);
     let known = it.get("/v1/sensors/digitacts-6x6").await.expect(200);
     assert_eq!(known["description"]["grid"]["rows"], 6);
     let example = include_str!("../../../schemas/examples/create_sensor.json");

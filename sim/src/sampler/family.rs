@@ -89,7 +89,8 @@ fn one_of(
 
 #[cfg(test)]
 mod tests {
-    use palpate_core::sensor::{SensorDescription, SensorKnowledge};
+    use palpate_core::contact::contact_floor;
+    use palpate_core::sensor::{Preset, SensorDescription, SensorKnowledge};
     use palpate_core::units::MM;
 
     use super::*;
@@ -123,6 +124,24 @@ mod tests {
         let [one, many] = [SensorKnowledge::Measured, SensorKnowledge::DataSheet]
             .map(|knowledge| depth_deviation(&sampled(knowledge, 64)));
         assert!(one < 0.1 * MM && many > 0.2 * MM, "{one} m and {many} m");
+    }
+
+    #[test]
+    fn families_of_all_real_arrays_touch_a_ball() {
+        for name in Preset::NAMES {
+            let Preset { description, knowledge, ranges } = Preset::named(name).unwrap();
+            if knowledge == SensorKnowledge::Measured {
+                continue;
+            }
+            let family = SensorFamily::within(description.clone(), knowledge, &ranges);
+            let simulator = PressSimulator::new(sphere(25.0 * MM, 60), description);
+            let config = SamplerConfig::for_simulator(&simulator);
+            let mut go_on = |_: usize, _: usize| ControlFlow::Continue(());
+            let taken = sample_family(&simulator, &family, SensorId(0), 32, 3, &config, &mut go_on);
+            let readings = taken.unwrap_or_else(|error| panic!("{name}: {error}"));
+            let floor = contact_floor(simulator.sensor());
+            assert!(readings.iter().all(|reading| reading.image().max() > floor), "{name}");
+        }
     }
 
     #[test]
