@@ -1,5 +1,6 @@
 //! Tactile array sensors: their description, calibration and point spread.
 
+pub mod arrays;
 pub mod calibration;
 pub mod coupling;
 pub mod covering;
@@ -9,11 +10,15 @@ pub mod family;
 pub mod force_curve;
 pub mod line;
 pub mod point_spread;
+pub mod presets;
+pub mod ranges;
 pub mod response;
 pub mod spread_fit;
 
 pub use calibration::{Calibration, TaxelResponse, TaxelState};
 pub use coupling::{Coupling, CoveringEdge, SpreadKernel};
 pub use description::{ImageOrder, SensorDescription, SensorError, SensorParameters, TaxelGrid};
-pub use family::{SensorFamily, SensorKnowledge, SensorRanges};
+pub use family::{SensorFamily, SensorKnowledge};
 pub use force_curve::ForceCurve;
+pub use presets::Preset;
+pub use ranges::{SensorRanges, StatedRanges};

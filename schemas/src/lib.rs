@@ -7,6 +7,7 @@
 pub mod access;
 pub mod analysis;
 pub mod calibration;
+pub mod coupling;
 pub mod descriptor;
 pub mod appearance;
 pub mod health;
@@ -45,6 +46,9 @@ pub use calibration::{
     CalibrateSensor, CalibrationQuery, ResponseGoodness, ResponseLine, ResponsePress,
     SensorCalibration, SpreadCalibration, SpreadPress, SpreadPresses, TaxelCalibration, TaxelPlace,
     TaxelState,
+};
+pub use coupling::{
+    Coupling, CoveringEdge, NumberRange, SensorKnowledge, SensorRanges, SpreadKernel,
 };
 pub use descriptor::Descriptor;
 pub use fleet::{Fleet, FleetQuery, FleetSession};

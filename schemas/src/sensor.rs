@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 use uuid::Uuid;
 
+use crate::coupling::{Coupling, SensorKnowledge, SensorRanges};
 use crate::warning::Warning;
 
 /// A tactile array sensor.
@@ -17,6 +18,9 @@ pub struct Sensor {
     pub preset: Option<String>,
     /// Geometry and response. Immutable, because stored readings rely on it.
     pub description: SensorDescription,
+    /// The owner's trust in the description.
+    #[serde(default)]
+    pub sensor_knowledge: SensorKnowledge,
     /// Number of the newest calibration, which applies to new readings; null if there is none.
     #[serde(default)]
     pub calibration: Option<u32>,
@@ -35,7 +39,7 @@ pub struct SensorPage {
 }
 
 /// A new sensor, from a preset or a description.
-#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CreateSensor {
     /// Unique name: 1 to 64 letters, digits, `.`, `_` or `-`.
@@ -50,6 +54,13 @@ pub struct CreateSensor {
     /// Orientation of the driver's images; overrides that of the preset or description.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub image_order: Option<ImageOrder>,
+    /// Coupling of the covering and the taxels; overrides that of the preset or description.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coupling: Option<Coupling>,
+    /// Trust in the description. Default: `data_sheet`, but `measured` for the presets
+    /// `digitacts-…`, `fingertip-14x14` and `tekscan-26x26`, which describe simulated sensors.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sensor_knowledge: Option<SensorKnowledge>,
 }
 
 /// Geometry and response of a new sensor, in metres and pascals. The answer contains the defaults
@@ -86,6 +97,13 @@ pub struct DescribeSensor {
     /// Orientation of the driver's images. Default: that of the sensor frame.
     #[serde(default)]
     pub image_order: ImageOrder,
+    /// Spread, edge and cross-talk beyond one Gaussian.
+    #[serde(default)]
+    pub coupling: Coupling,
+    /// Ranges of what the description leaves open, each in place of its default. Not with
+    /// `sensor_knowledge` `measured`, which leaves nothing open.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ranges: Option<SensorRanges>,
 }
 
 impl From<SensorDescription> for DescribeSensor {
@@ -99,6 +117,8 @@ impl From<SensorDescription> for DescribeSensor {
             noise: Some(known.noise),
             quantisation: known.quantisation,
             image_order: known.image_order,
+            coupling: known.coupling,
+            ranges: known.ranges,
         }
     }
 }
@@ -121,16 +141,36 @@ pub enum SensorPreset {
     /// 26 × 26 taxels over 12 mm: the density of a Tekscan sensor.
     #[serde(rename = "tekscan-26x26")]
     Tekscan26x26,
+    /// XELA uSkin uSPa 44: 4 × 4 taxels at 4.7 mm in a soft skin.
+    #[serde(rename = "xela-uskin-4x4")]
+    XelaUskin4x4,
+    /// Contactile PapillArray: 3 × 3 separate pillars, 7 mm apart.
+    #[serde(rename = "contactile-papillarray-3x3")]
+    ContactilePapillarray3x3,
+    /// One module of PPS DigiTacts: 6 × 4 elements of 1.8 mm with gaps of 0.1 mm.
+    #[serde(rename = "pps-digitacts-6x4")]
+    PpsDigitacts6x4,
+    /// GelSight Mini as 18 × 24 heights at 0.775 mm; 10 Pa stand for 1 µm.
+    #[serde(rename = "gelsight-mini-18x24")]
+    GelsightMini18x24,
+    /// DIGIT as 16 × 19 heights at 1 mm; 10 Pa stand for 1 µm.
+    #[serde(rename = "digit-16x19")]
+    Digit16x19,
 }
 
 impl SensorPreset {
     /// Every preset.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 10] = [
         Self::Digitacts6x6,
         Self::Digitacts6x6Thin,
         Self::Digitacts6x8,
         Self::Fingertip14x14,
         Self::Tekscan26x26,
+        Self::XelaUskin4x4,
+        Self::ContactilePapillarray3x3,
+        Self::PpsDigitacts6x4,
+        Self::GelsightMini18x24,
+        Self::Digit16x19,
     ];
 
     /// Name of the preset on the wire.
@@ -142,6 +182,11 @@ impl SensorPreset {
             Self::Digitacts6x8 => "digitacts-6x8",
             Self::Fingertip14x14 => "fingertip-14x14",
             Self::Tekscan26x26 => "tekscan-26x26",
+            Self::XelaUskin4x4 => "xela-uskin-4x4",
+            Self::ContactilePapillarray3x3 => "contactile-papillarray-3x3",
+            Self::PpsDigitacts6x4 => "pps-digitacts-6x4",
+            Self::GelsightMini18x24 => "gelsight-mini-18x24",
+            Self::Digit16x19 => "digit-16x19",
         }
     }
 }
@@ -176,6 +221,12 @@ pub struct SensorDescription {
     /// Orientation of the driver's images. Default: that of the sensor frame.
     #[serde(default)]
     pub image_order: ImageOrder,
+    /// Spread, edge and cross-talk beyond one Gaussian.
+    #[serde(default)]
+    pub coupling: Coupling,
+    /// Ranges from which trainings draw sensors, with defaults; null if the sensor is `measured`.
+    #[serde(default)]
+    pub ranges: Option<SensorRanges>,
 }
 
 /// A rectangular grid of square taxels.

@@ -6,6 +6,7 @@ use uuid::Uuid;
 
 use crate::appearance::{AppearanceSummary, AppearanceTraining};
 use crate::belief::UncalibratedReason;
+use crate::coupling::SensorKnowledge;
 use crate::descriptor::Descriptor;
 use crate::geometry::{GeometricReport, GeometricTraining, VersionReference};
 use crate::symmetry::{SymmetryAxis, SymmetryBy};
@@ -124,6 +125,12 @@ pub struct TrainingReport {
     /// Why the probabilities are not calibrated; null if they are, or if it is unknown.
     #[serde(default)]
     pub uncalibrated_reason: Option<UncalibratedReason>,
+    /// Trust in the description of the sensor that pressed the meshes: with `measured` the version
+    /// and its calibration hold for exactly the described sensor, with `data_sheet` for every
+    /// sensor that the data sheet may stand for. Null if no mesh was pressed, and for versions
+    /// trained before this was reported, whose meshes were pressed as with `measured`.
+    #[serde(default)]
+    pub sensor_knowledge: Option<SensorKnowledge>,
 }
 
 /// An object that the training skipped.
@@ -146,6 +153,9 @@ pub struct ObjectReport {
     pub name: String,
     /// Number of readings the object was trained from.
     pub n_readings: u32,
+    /// Trust in the description of the sensor that pressed its mesh; null if robots touched it.
+    #[serde(default)]
+    pub sensor_knowledge: Option<SensorKnowledge>,
     /// Number of patches in the map; 0 without pair maps.
     pub n_patches: u32,
     /// Memory of the pair index, in bytes.
@@ -253,6 +263,10 @@ pub struct StartTraining {
     /// own are trained from those. Default: `digitacts-6x6`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensor: Option<String>,
+    /// Trust in that sensor's description, which decides how meshes are pressed. Default: that of
+    /// the sensor.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sensor_knowledge: Option<SensorKnowledge>,
     /// Number of simulated readings per object that has only a mesh, 20 to 20000. Default: 1000.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 20, maximum = 20_000)]
@@ -285,9 +299,9 @@ pub struct StartTraining {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sva: Option<bool>,
     /// Version of the same catalogue to extend. Its vocabularies and objects are kept bit for bit;
-    /// only `objects` are trained (default: those it does not know). `n_classes`, `descriptor`,
-    /// `distance_range`, `geometric`, `appearance`, `surface` and `sva` are taken from that
-    /// version and must not be given.
+    /// only `objects` are trained (default: those it does not know). `sensor_knowledge`, `n_classes`,
+    /// `descriptor`, `distance_range`, `geometric`, `appearance`, `surface` and `sva` are taken
+    /// from that version and must not be given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 1)]
     pub extend: Option<u32>,

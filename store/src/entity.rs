@@ -8,7 +8,7 @@ mod stored;
 use palpate_core::pose::Pose;
 use palpate_core::reading::Looseness;
 use palpate_core::reading::point_contact::ContactNumbers;
-use palpate_core::sensor::SensorDescription;
+use palpate_core::sensor::{SensorDescription, SensorFamily, SensorKnowledge, StatedRanges};
 use uuid::Uuid;
 
 /// A sensor of robots' readings.
@@ -22,10 +22,22 @@ pub struct Sensor {
     pub preset: Option<String>,
     /// Its geometry and response.
     pub description: SensorDescription,
+    /// The owner's trust in the description.
+    pub knowledge: SensorKnowledge,
+    /// Ranges that the owner states for what the description leaves open.
+    pub ranges: StatedRanges,
     /// Whether it has readings; its geometry is immutable from then on.
     pub used: bool,
     /// Time of creation.
     pub created_at_ms: u64,
+}
+
+impl Sensor {
+    /// The sensors that the description may stand for, at a level of knowledge.
+    #[must_use]
+    pub fn family(&self, knowledge: SensorKnowledge) -> SensorFamily {
+        SensorFamily::within(self.description.clone(), knowledge, &self.ranges)
+    }
 }
 
 /// An object to recognise.

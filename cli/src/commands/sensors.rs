@@ -1,5 +1,7 @@
 //! `palpate sensors`: sensors and their calibrations.
 
+mod coupling;
+
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
@@ -11,6 +13,7 @@ use palpate_client::schemas::{
 use super::{Context, calibrate};
 use crate::json_file::read_json;
 use crate::output;
+use coupling::CouplingArgs;
 
 /// Arguments of `palpate sensors`.
 #[derive(Debug, Args)]
@@ -31,7 +34,8 @@ enum Action {
     /// Add a sensor, from a preset or a JSON description.
     #[command(
         after_help = "Examples:\n  palpate sensors add left-finger --preset digitacts-6x6\n  \
-        palpate sensors add palm --description palm.json"
+        palpate sensors add palm --description palm.json\n  \
+        palpate sensors add thumb --preset digitacts-6x6 --knowledge data_sheet --margin-mm 1"
     )]
     Add {
         /// Unique name of the sensor.
@@ -39,10 +43,12 @@ enum Action {
         /// Preset of a known sensor.
         #[arg(long, value_parser = parse_preset, required_unless_present = "description")]
         preset: Option<SensorPreset>,
-        /// JSON file with the API's `DescribeSensor`. The guide "training" explains how to fill it
+        /// JSON file with the API's `DescribeSensor`. The guide "sensors" explains how to fill it
         /// in from a data sheet.
         #[arg(long, value_name = "FILE", conflicts_with = "preset")]
         description: Option<PathBuf>,
+        #[command(flatten)]
+        coupling: CouplingArgs,
     },
     /// Remove a sensor. Refused while something uses it.
     Remove {
@@ -97,13 +103,23 @@ pub(crate) async fn run(args: SensorsArgs, context: &Context) -> anyhow::Result<
         }
         Action::Show { sensor } => {
             let sensor = client.sensor(&sensor).await?;
-            output.answer(&sensor, |sensor| table(std::slice::from_ref(sensor)))
+            output.answer(&sensor, |sensor| {
+                format!("{}\n{}", table(std::slice::from_ref(sensor)), coupling::words(sensor))
+            })
         }
-        Action::Add { name, preset, description } => {
+        Action::Add { name, preset, description, coupling } => {
             let description = description.map(read_json::<DescribeSensor>).transpose()?;
-            let new = CreateSensor { name, preset, description, image_order: None };
+            let new = coupling.applied(CreateSensor {
+                name,
+                preset,
+                description,
+                ..CreateSensor::default()
+            });
             let sensor = client.create_sensor(&new).await?;
-            output.answer(&sensor, |sensor| format!("added sensor {} ({})", sensor.name, sensor.id))
+            output.answer(&sensor, |sensor| {
+                let words = coupling::words(sensor);
+                format!("added sensor {} ({})\n{words}", sensor.name, sensor.id)
+            })
         }
         Action::Remove { sensor } => {
             client.delete_sensor(&sensor).await?;
@@ -157,7 +173,7 @@ pub(crate) fn parse_preset(name: &str) -> Result<SensorPreset, String> {
 
 fn table(sensors: &[Sensor]) -> String {
     output::table(
-        ["name", "id", "taxels", "pitch", "covering", "up to"],
+        ["name", "id", "taxels", "pitch", "covering", "up to", "knowledge"],
         sensors.iter().map(|sensor| {
             let description = &sensor.description;
             [
@@ -167,6 +183,7 @@ fn table(sensors: &[Sensor]) -> String {
                 output::mm(description.grid.pitch),
                 output::mm(description.covering_thickness),
                 format!("{:.0} kPa", description.saturation / 1e3),
+                sensor.sensor_knowledge.name().to_owned(),
             ]
         }),
     )

@@ -8,13 +8,14 @@ use clap::Args;
 use palpate_client::Client;
 use palpate_client::schemas::{
     CatalogueVersion, Descriptor, GeometricKind, GeometricReport, GeometricTraining, Job, JobState,
-    StartTraining, SurfaceReport, TrainingReport, Warning, WarningCode,
+    SensorKnowledge, StartTraining, SurfaceReport, TrainingReport, Warning, WarningCode,
 };
 use serde::Serialize;
 
 use super::Context;
 use crate::calibrated;
 use crate::exit::Ended;
+use crate::knowledge;
 use crate::output::{self, Output};
 use crate::progress::TrainingProgress;
 use crate::symmetry;
@@ -44,6 +45,9 @@ pub(crate) struct TrainArgs {
     /// Sensor that touches meshes in simulation [default: digitacts-6x6].
     #[arg(long)]
     sensor: Option<String>,
+    /// Trust in that sensor's description [default: that of the sensor].
+    #[arg(long, value_enum, value_name = "LEVEL")]
+    knowledge: Option<SensorKnowledge>,
     /// Number of appearance classes [default: 25].
     #[arg(long, value_parser = clap::value_parser!(u32).range(2..=255))]
     classes: Option<u32>,
@@ -65,7 +69,8 @@ pub(crate) struct TrainArgs {
     /// Version to extend. Its vocabularies and objects stay as they are; only the named objects
     /// (default: those it lacks) are trained, with its options.
     #[arg(long, value_name = "VERSION", value_parser = clap::value_parser!(u32).range(1..),
-        conflicts_with_all = ["classes", "descriptor", "geometric", "only_surface", "AppearanceArgs"])]
+        conflicts_with_all = ["knowledge", "classes", "descriptor", "geometric", "only_surface",
+        "AppearanceArgs"])]
     extend: Option<u32>,
     /// Fail if an object cannot be trained, instead of skipping it.
     #[arg(long)]
@@ -97,6 +102,7 @@ pub(crate) async fn run(args: TrainArgs, context: &Context) -> anyhow::Result<()
     let training = StartTraining {
         objects: (!args.objects.is_empty()).then_some(args.objects),
         sensor: args.sensor,
+        sensor_knowledge: args.knowledge,
         readings_per_object: args.readings_per_object,
         seed: args.seed,
         n_classes: args.classes,
@@ -222,7 +228,7 @@ fn trained_words(trained: &Trained) -> String {
         (report.index_bytes + report.surface_bytes) as f64 / 1e6,
         if version.is_current { ", current" } else { "" },
         report.appearance.as_ref().map_or(String::new(), appearance_words),
-        calibration_words(report),
+        knowledge_words(report) + &calibration_words(report),
     ) + &warning_words(report)
 }
 
@@ -236,6 +242,13 @@ fn warning_words(report: &TrainingReport) -> String {
         object.warnings.iter().map(words)
     });
     skipped.chain(of_whole).chain(of_objects).collect()
+}
+
+/// Text on how meshes were pressed; empty if the report does not state it.
+fn knowledge_words(report: &TrainingReport) -> String {
+    report.sensor_knowledge.map_or(String::new(), |level| {
+        format!("\nsensor knowledge {}: {}", level.name(), knowledge::meaning(level))
+    })
 }
 
 /// Text on the data of the calibration; empty if the report does not state it.

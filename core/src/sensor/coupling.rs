@@ -8,6 +8,12 @@ use super::SensorError;
 use super::description::within;
 use crate::units::MM;
 
+/// Largest extent of a covering beyond the array, metres. Chosen: twice the largest spread.
+pub const MARGIN_MAX: f64 = 100.0 * MM;
+
+/// Largest cross-talk: beyond it, four neighbours outweigh the taxel twofold.
+pub const CROSS_TALK_MAX: f64 = 0.5;
+
 /// Shape of the lateral spread. Its standard deviation is the sensor's `point_spread`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SpreadKernel {
@@ -29,6 +35,11 @@ pub enum CoveringEdge {
     ConservesForce,
     /// Force that would spread beyond the edge is lost: taxels at the edge read less.
     LosesForce,
+}
+
+impl SpreadKernel {
+    /// Every shape.
+    pub const ALL: [Self; 2] = [Self::Gaussian, Self::Exponential];
 }
 
 impl CoveringEdge {
@@ -60,8 +71,8 @@ impl Coupling {
     /// # Errors
     /// [`SensorError::Range`] names the first parameter that is out of range.
     pub(super) fn check(&self) -> Result<(), SensorError> {
-        within("margin", self.margin.unwrap_or(0.0), 0.0, 100.0 * MM)?;
-        within("cross_talk", self.cross_talk, 0.0, 0.5)?;
+        within("margin", self.margin.unwrap_or(0.0), 0.0, MARGIN_MAX)?;
+        within("cross_talk", self.cross_talk, 0.0, CROSS_TALK_MAX)?;
         within("gain_spread", self.gain_spread, 0.0, 0.5)?;
         within("hysteresis", self.hysteresis, 0.0, 0.5)
     }

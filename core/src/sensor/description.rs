@@ -7,10 +7,8 @@
 use thiserror::Error;
 
 use super::coupling::Coupling;
-use super::defaults;
 use super::force_curve::ForceCurve;
-use super::point_spread::point_spread_of_covering;
-use crate::units::{INCH, KPA, MM, Shown};
+use crate::units::{MM, Shown};
 
 /// A rectangular grid of square taxels.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -146,6 +144,25 @@ pub enum SensorError {
         /// The largest permitted value.
         high: f64,
     },
+    /// A range ends below its start.
+    #[error(
+        "{field} is from {} to {}, expected a low end of at most the high end", Shown(*low),
+        Shown(*high)
+    )]
+    Order {
+        /// The range's name.
+        field: &'static str,
+        /// The given low end.
+        low: f64,
+        /// The given high end.
+        high: f64,
+    },
+    /// A list of possibilities has none.
+    #[error("{field} is empty, expected at least one")]
+    Empty {
+        /// The list's name.
+        field: &'static str,
+    },
     /// The force curve is not a rising sequence of knots from (0, 0).
     #[error(
         "force_curve knot {knot} is out of order, expected 2 to 64 finite knots \
@@ -180,91 +197,6 @@ impl SensorDescription {
         Ok(Self(parameters))
     }
 
-    /// A sensor like DigiTacts of `rows` × `cols` taxels with the 2 mm pitch of section
-    /// 2.1.1, under the 0.10 inch covering, 0–20 kPa.
-    #[must_use]
-    pub fn digitacts(rows: usize, cols: usize) -> Self {
-        Self::preset(TaxelGrid { rows, cols, pitch: 2.0 * MM, taxel_width: 1.8 * MM })
-    }
-
-    /// The 6 × 6 sensor of the dissertation's simulations.
-    #[must_use]
-    pub fn digitacts_6x6() -> Self {
-        Self::digitacts(6, 6)
-    }
-
-    /// The 6 × 6 sensor under the thinnest covering, 0.04 inch, of the dissertation's raised
-    /// letters: σ = 1.3625 elements (section 3.2.3).
-    #[must_use]
-    pub fn digitacts_6x6_thin() -> Self {
-        let grid = TaxelGrid { rows: 6, cols: 6, pitch: 2.0 * MM, taxel_width: 1.8 * MM };
-        Self::covered(grid, 0.04 * INCH)
-    }
-
-    /// The 6 × 8 image of the two physical modules (section 2.1.1).
-    #[must_use]
-    pub fn digitacts_6x8() -> Self {
-        Self::digitacts(6, 8)
-    }
-
-    /// The density of the human fingertip over 12 mm (section 4.4.2.6).
-    #[must_use]
-    pub fn fingertip_14x14() -> Self {
-        Self::over_12_mm(14)
-    }
-
-    /// The density of a Tekscan sensor over 12 mm (section 4.4.2.6).
-    #[must_use]
-    pub fn tekscan_26x26() -> Self {
-        Self::over_12_mm(26)
-    }
-
-    fn over_12_mm(side: usize) -> Self {
-        let pitch = 12.0 * MM / side as f64;
-        Self::preset(TaxelGrid { rows: side, cols: side, pitch, taxel_width: 0.9 * pitch })
-    }
-
-    fn preset(grid: TaxelGrid) -> Self {
-        Self::covered(grid, 0.10 * INCH)
-    }
-
-    fn covered(grid: TaxelGrid, covering_thickness: f64) -> Self {
-        let saturation = 20.0 * KPA;
-        Self(SensorParameters {
-            grid,
-            covering_thickness,
-            point_spread: point_spread_of_covering(covering_thickness),
-            force_curve: defaults::force_curve(covering_thickness, saturation),
-            saturation,
-            noise: defaults::noise(saturation, saturation / 256.0),
-            quantisation: saturation / 256.0,
-            image_order: ImageOrder::default(),
-            coupling: Coupling::default(),
-        })
-    }
-
-    /// The preset with the given name in the API and on the command line.
-    #[must_use]
-    pub fn preset_named(name: &str) -> Option<Self> {
-        match name {
-            "digitacts-6x6" => Some(Self::digitacts_6x6()),
-            "digitacts-6x6-thin" => Some(Self::digitacts_6x6_thin()),
-            "digitacts-6x8" => Some(Self::digitacts_6x8()),
-            "fingertip-14x14" => Some(Self::fingertip_14x14()),
-            "tekscan-26x26" => Some(Self::tekscan_26x26()),
-            _ => None,
-        }
-    }
-
-    /// The names that [`SensorDescription::preset_named`] accepts.
-    pub const PRESET_NAMES: [&'static str; 5] = [
-        "digitacts-6x6",
-        "digitacts-6x6-thin",
-        "digitacts-6x8",
-        "fingertip-14x14",
-        "tekscan-26x26",
-    ];
-
     /// The checked numbers.
     #[must_use]
     pub fn parameters(&self) -> &SensorParameters {
@@ -294,18 +226,6 @@ pub(super) fn within(
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn presets_are_valid_and_have_their_names() {
-        for name in SensorDescription::PRESET_NAMES {
-            let sensor = SensorDescription::preset_named(name).unwrap();
-            assert!(SensorDescription::new(sensor.parameters().clone()).is_ok(), "{name}");
-            let grid = sensor.grid();
-            let shape = name.trim_end_matches("-thin");
-            assert!(shape.ends_with(&format!("{}x{}", grid.rows, grid.cols)));
-        }
-        assert_eq!(SensorDescription::preset_named("6x6"), None);
-    }
 
     #[test]
     fn taxel_centers_lie_around_the_origin() {

@@ -4,9 +4,10 @@
 //! description leaves open. Every draw is a complete description. Not here: pressing
 //! (`palpate_sim::sampler::family`).
 
-use super::coupling::{Coupling, CoveringEdge, SpreadKernel};
+use super::coupling::{Coupling, MARGIN_MAX};
 use super::description::{SensorDescription, SensorParameters};
 use super::force_curve::ForceCurve;
+use super::ranges::{SensorRanges, StatedRanges};
 use crate::rng::Stream;
 use crate::units::MM;
 
@@ -28,52 +29,6 @@ pub enum SensorKnowledge {
     DataSheet,
 }
 
-/// Ranges of what a description leaves open. A range is (low, high).
-#[derive(Clone, Debug, PartialEq)]
-pub struct SensorRanges {
-    /// Factor on the point spread.
-    pub spread_factor: (f64, f64),
-    /// Shapes of the spread.
-    pub kernels: Vec<SpreadKernel>,
-    /// Extent of the covering beyond the array, in pitches.
-    pub margin_pitches: (f64, f64),
-    /// Effects of the covering's end.
-    pub edges: Vec<CoveringEdge>,
-    /// Cross-talk of neighbours.
-    pub cross_talk: (f64, f64),
-    /// Factor on the pressures of the force curve; drawn evenly in its logarithm.
-    pub stiffness: (f64, f64),
-    /// Excess of the pressure ratio at full indentation over that at first touch ([`bent`]).
-    pub stiffening: (f64, f64),
-    /// Relative standard deviation of the taxels' gains.
-    pub gain_spread: f64,
-    /// Largest relative deviation of a press through hysteresis.
-    pub hysteresis: f64,
-}
-
-impl SensorRanges {
-    /// The ranges of a description from a data sheet.
-    ///
-    /// Chosen, without a measurement. A sheet states the thickness of a covering but not its
-    /// spread: equation 2.5 holds for one material. It states neither the edge nor the stiffness:
-    /// a factor of two each way, and up to 2.5 times as stiff at full indentation. Cross-talk,
-    /// gains and hysteresis are what sheets call good to mediocre.
-    #[must_use]
-    pub fn data_sheet() -> Self {
-        Self {
-            spread_factor: (0.3, 1.4),
-            kernels: vec![SpreadKernel::Gaussian, SpreadKernel::Exponential],
-            margin_pitches: (0.0, 4.0),
-            edges: CoveringEdge::ALL.to_vec(),
-            cross_talk: (0.0, 0.15),
-            stiffness: (0.5, 2.0),
-            stiffening: (0.0, 1.5),
-            gain_spread: 0.07,
-            hysteresis: 0.05,
-        }
-    }
-}
-
 /// The sensors that a description may stand for.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SensorFamily {
@@ -86,11 +41,28 @@ impl SensorFamily {
     /// The family of a description at a level of knowledge.
     #[must_use]
     pub fn new(description: SensorDescription, knowledge: SensorKnowledge) -> Self {
+        Self::within(description, knowledge, &StatedRanges::default())
+    }
+
+    /// The family of a description at a level of knowledge; ranges that are stated take the place
+    /// of the level's.
+    #[must_use]
+    pub fn within(
+        description: SensorDescription,
+        knowledge: SensorKnowledge,
+        stated: &StatedRanges,
+    ) -> Self {
         let ranges = match knowledge {
             SensorKnowledge::Measured => None,
-            SensorKnowledge::DataSheet => Some(SensorRanges::data_sheet()),
+            SensorKnowledge::DataSheet => Some(SensorRanges::data_sheet(&description, stated)),
         };
         Self { description, ranges }
+    }
+
+    /// What the description leaves open; `None` when that is nothing.
+    #[must_use]
+    pub fn ranges(&self) -> Option<&SensorRanges> {
+        self.ranges.as_ref()
     }
 
     /// The description that names the family; readings are interpreted by it.
@@ -115,7 +87,7 @@ impl SensorFamily {
         let known = self.description.parameters().clone();
         let mut within = |(low, high): (f64, f64)| stream.uniform(low, high);
         let spread = known.point_spread * within(ranges.spread_factor);
-        let margin = known.grid.pitch * within(ranges.margin_pitches);
+        let margin = within(ranges.margin);
         let cross_talk = within(ranges.cross_talk);
         let stiffness = within((ranges.stiffness.0.ln(), ranges.stiffness.1.ln())).exp();
         let stiffening = within(ranges.stiffening);
@@ -123,7 +95,7 @@ impl SensorFamily {
         let edge = ranges.edges[stream.index(ranges.edges.len())];
         let coupling = Coupling {
             kernel,
-            margin: Some(margin.min(100.0 * MM)),
+            margin: Some(margin.min(MARGIN_MAX)),
             edge,
             cross_talk,
             gain_spread: ranges.gain_spread,

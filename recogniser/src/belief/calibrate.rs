@@ -43,6 +43,12 @@ const STEPS: [f64; 3] = [0.5, 4.0, 2.0];
 const STEP_MIN: f64 = 1e-3;
 const PASSES_MAX: usize = 200;
 
+/// Number of runs by one sensor each, per object, that give every trial its own run.
+#[must_use]
+pub fn runs_per_object(n_objects: usize) -> usize {
+    TRIALS.div_ceil(n_objects.max(1)).min(TRIALS_PER_OBJECT_MAX)
+}
+
 /// Readings of one object that were not used for its map, and their sensor.
 #[derive(Clone, Copy, Debug)]
 pub struct HeldBack<'a> {

@@ -174,7 +174,7 @@ fn on_its_base(reading: Felt, options: &Options, robot: Option<&str>) -> Felt {
 mod tests {
     use std::ops::Range;
 
-    use palpate_core::sensor::SensorDescription;
+    use palpate_core::sensor::{SensorDescription, SensorKnowledge, StatedRanges};
     use palpate_store::database::Database;
 
     use super::*;
@@ -189,7 +189,10 @@ mod tests {
         let image = vec![Some(3.0e3); description.grid().n_taxels()];
         let id = Uuid::from_u128(2);
         let (name, preset) = ("finger".to_owned(), None);
-        let sensor = Sensor { id, name, preset, description, used: false, created_at_ms: 0 };
+        let (knowledge, ranges) = (SensorKnowledge::DataSheet, StatedRanges::default());
+        let (used, created_at_ms) = (false, 0);
+        let sensor =
+            Sensor { id, name, preset, description, knowledge, ranges, used, created_at_ms };
         store.sensors().create(&sensor).await.unwrap();
         let sensors = Arc::new(KnownSensors::new(store.clone()));
         let source = sensors.source(Arc::new(sensor)).unwrap();

@@ -6,7 +6,7 @@ mod removal;
 use std::sync::Arc;
 
 use dashmap::DashSet;
-use palpate_core::sensor::SensorDescription;
+use palpate_core::sensor::Preset;
 use palpate_schemas as wire;
 use palpate_store::database::Database;
 use palpate_store::entity::Sensor;
@@ -45,13 +45,17 @@ impl Sensors {
 
     /// Adds a sensor for every preset, under the preset's name, unless the name is in use.
     pub(crate) async fn add_presets(&self) -> Result<(), StoreError> {
-        for name in SensorDescription::PRESET_NAMES {
-            let Some(description) = SensorDescription::preset_named(name) else { continue };
+        for name in Preset::NAMES {
+            let Some(Preset { description, knowledge, ranges }) = Preset::named(name) else {
+                continue;
+            };
             let sensor = Sensor {
                 id: Uuid::now_v7(),
                 name: name.to_owned(),
                 preset: Some(name.to_owned()),
                 description,
+                knowledge,
+                ranges,
                 used: false,
                 created_at_ms: now_ms(),
             };

@@ -19,6 +19,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use palpate_core::pose::Pose;
+use palpate_core::sensor::{SensorFamily, SensorKnowledge};
 use palpate_core::training::TrainingSet;
 use palpate_core::vocabulary::Vocabulary;
 use palpate_dissertation::geometric::train::GeometricConfig;
@@ -34,7 +35,7 @@ use rayon::prelude::*;
 use crate::hints::{of_catalogue, of_object};
 use crate::services::sensors::Sensors;
 use crate::wire::symmetry::axes;
-use crate::wire::{count, geometry as wire_geometry};
+use crate::wire::{count, coupling, geometry as wire_geometry};
 pub(crate) use appearance::AppearancePlan;
 pub(crate) use base::Base;
 pub(crate) use failure::TrainingFailure;
@@ -47,6 +48,8 @@ pub(crate) struct Plan {
     pub(crate) objects: Vec<VersionObject>,
     /// The sensor that touches meshes.
     pub(crate) sensor: Arc<Sensor>,
+    /// Trust in its description.
+    pub(crate) knowledge: SensorKnowledge,
     pub(crate) readings_per_object: usize,
     pub(crate) seed: u64,
     pub(crate) config: TrainingConfig,
@@ -62,6 +65,13 @@ pub(crate) struct Plan {
     pub(crate) base: Option<Base>,
     /// Whether an object that cannot be trained makes the training fail.
     pub(crate) strict: bool,
+}
+
+impl Plan {
+    /// The sensors that press meshes.
+    fn family(&self) -> SensorFamily {
+        self.sensor.family(self.knowledge)
+    }
 }
 
 /// Results: objects of the extended version at their indices, then new ones in the plan's order.
@@ -130,7 +140,7 @@ fn learn(
         None => None,
     };
     let mut objects: Vec<ObjectReport> =
-        materials.iter().enumerate().map(|(n, material)| report(material, maps.get(n))).collect();
+        materials.iter().enumerate().map(|(n, one)| report(plan, one, maps.get(n))).collect();
     for (object, map) in objects.iter_mut().zip(geometry.iter().flat_map(|model| &model.maps)) {
         object.geometric = Some(wire_geometry::report(map));
     }
@@ -215,11 +225,12 @@ fn map_all(
     materials.par_iter().map(map_one).collect()
 }
 
-fn report(material: &Material, map: Option<&ObjectMap>) -> ObjectReport {
+fn report(plan: &Plan, material: &Material, map: Option<&ObjectMap>) -> ObjectReport {
     ObjectReport {
         id: material.object.id,
         name: material.object.name.clone(),
         n_readings: count(material.readings.len()),
+        sensor_knowledge: material.has_mesh().then(|| coupling::knowledge(plan.knowledge)),
         n_patches: map.map_or(0, |map| count(map.patches().len())),
         index_bytes: map.map_or(0, |map| map.index().bytes() as u64),
         origin_in_mesh: map.map_or([0.0; 3], |map| map.origin_in_training().to_array()),

@@ -6,8 +6,8 @@ use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
 use palpate_core::sensor::point_spread::point_spread_of_covering;
 use palpate_core::sensor::{
-    Coupling, ForceCurve, ImageOrder, SensorDescription, SensorError, SensorParameters, TaxelGrid,
-    defaults,
+    ForceCurve, ImageOrder, Preset, SensorDescription, SensorError, SensorKnowledge,
+    SensorParameters, TaxelGrid, defaults,
 };
 use palpate_schemas as wire;
 use palpate_store::entity::Sensor;
@@ -15,7 +15,7 @@ use uuid::Uuid;
 
 use crate::hints::{Hint, Judged};
 use crate::wire::reading::Applied;
-use crate::wire::{Invalid, time};
+use crate::wire::{Invalid, coupling, time};
 
 /// A stored sensor and the number of its newest calibration in their wire form.
 pub(crate) fn sensor(sensor: &Sensor, calibration: Option<u32>) -> wire::Sensor {
@@ -23,7 +23,8 @@ pub(crate) fn sensor(sensor: &Sensor, calibration: Option<u32>) -> wire::Sensor 
         id: sensor.id,
         name: sensor.name.clone(),
         preset: sensor.preset.clone(),
-        description: description(&sensor.description),
+        description: description(sensor),
+        sensor_knowledge: coupling::knowledge(sensor.knowledge),
         calibration,
         created_at: time(sensor.created_at_ms),
     }
@@ -36,25 +37,34 @@ pub(crate) fn new_sensor(
     created_at_ms: u64,
 ) -> Result<Sensor, Invalid> {
     super::name(&request.name)?;
-    let description = match (request.preset, &request.description) {
+    let (description, ranges, by_default) = match (request.preset, &request.description) {
         (Some(preset), None) => {
-            let known = SensorDescription::preset_named(preset.name());
-            known.ok_or_else(|| Invalid::field("/preset", "not known to this server"))?
+            let known = Preset::named(preset.name())
+                .ok_or_else(|| Invalid::field("/preset", "not known to this server"))?;
+            (known.description, known.ranges, known.knowledge)
         }
-        (None, Some(description)) => checked_description(description)?,
+        (None, Some(given)) => {
+            let ranges = coupling::stated_ranges(given.ranges.as_ref())?;
+            (checked_description(given)?, ranges, SensorKnowledge::default())
+        }
         (Some(_), Some(_)) | (None, None) => {
             return Err(Invalid::field("/preset", "expected either a preset or a description"));
         }
     };
-    let description = match request.image_order {
-        Some(order) => with_order(&description, order)?,
-        None => description,
-    };
+    let description = overridden(&description, request)?;
+    let knowledge = request.sensor_knowledge.map_or(by_default, coupling::knowledge_of);
+    let is_stated = request.description.is_some() && !ranges.is_empty();
+    if knowledge == SensorKnowledge::Measured && is_stated {
+        let detail = "came with `sensor_knowledge` `measured`, which leaves nothing open";
+        return Err(Invalid::field("/description/ranges", detail));
+    }
     let (name, preset) = (request.name.clone(), request.preset.map(|p| p.name().to_owned()));
-    Ok(Sensor { id, name, preset, description, used: false, created_at_ms })
+    let used = false;
+    Ok(Sensor { id, name, preset, description, knowledge, ranges, used, created_at_ms })
 }
 
-fn description(description: &SensorDescription) -> wire::SensorDescription {
+fn description(sensor: &Sensor) -> wire::SensorDescription {
+    let description = &sensor.description;
     let parameters = description.parameters();
     let grid = &parameters.grid;
     let knot = |&(displacement, pressure): &(f64, f64)| wire::ForceKnot { displacement, pressure };
@@ -76,6 +86,8 @@ fn description(description: &SensorDescription) -> wire::SensorDescription {
             rows_reversed: parameters.image_order.rows_reversed,
             cols_reversed: parameters.image_order.cols_reversed,
         },
+        coupling: coupling::coupling(&parameters.coupling),
+        ranges: sensor.family(sensor.knowledge).ranges().map(coupling::ranges),
     }
 }
 
@@ -104,18 +116,27 @@ fn checked_description(given: &wire::DescribeSensor) -> Result<SensorDescription
         noise: given.noise.unwrap_or_else(|| defaults::noise(saturation, given.quantisation)),
         quantisation: given.quantisation,
         image_order: order(given.image_order),
-        coupling: Coupling::default(),
+        coupling: coupling::coupling_of(&given.coupling),
     };
     SensorDescription::new(parameters).map_err(refuse)
 }
 
-fn with_order(
+/// The description with what the request overrides.
+fn overridden(
     description: &SensorDescription,
-    given: wire::ImageOrder,
+    request: &wire::CreateSensor,
 ) -> Result<SensorDescription, Invalid> {
-    let parameters = description.parameters().clone();
-    let turned = SensorParameters { image_order: order(given), ..parameters };
-    SensorDescription::new(turned).map_err(refuse)
+    let known = description.parameters().clone();
+    let changed = SensorParameters {
+        image_order: request.image_order.map_or(known.image_order, order),
+        coupling: request.coupling.as_ref().map_or(known.coupling, coupling::coupling_of),
+        ..known
+    };
+    let of_request = |error: SensorError| match error {
+        SensorError::Range { field, .. } => Invalid::field(format!("/coupling/{field}"), error),
+        other => refuse(other),
+    };
+    SensorDescription::new(changed).map_err(of_request)
 }
 
 fn order(given: wire::ImageOrder) -> ImageOrder {
@@ -132,7 +153,14 @@ fn refuse(error: SensorError) -> Invalid {
         SensorError::Range { field: field @ ("pitch" | "taxel_width"), .. } => {
             format!("/description/grid/{field}")
         }
+        SensorError::Range {
+            field: field @ ("margin" | "cross_talk" | "gain_spread" | "hysteresis"),
+            ..
+        } => format!("/description/coupling/{field}"),
         SensorError::Range { field, .. } => format!("/description/{field}"),
+        SensorError::Order { field, .. } | SensorError::Empty { field } => {
+            format!("/description/ranges/{field}")
+        }
         SensorError::ForceCurve { knot } => format!("/description/force_curve/{knot}"),
     };
     Invalid::field(pointer, error)

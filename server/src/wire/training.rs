@@ -1,6 +1,7 @@
 //! Conversion of catalogues, trainings and jobs.
 
 use palpate_core::object::MapPatch;
+use palpate_core::sensor::SensorKnowledge;
 use palpate_core::units::Shown;
 use palpate_core::vocabulary::ClassIdx;
 use palpate_core::vocabulary::MAX_CLASSES;
@@ -14,7 +15,7 @@ use palpate_store::entity as stored;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::wire::{INTEGER_MAX, Invalid, count, descriptor, time};
+use crate::wire::{INTEGER_MAX, Invalid, count, coupling, descriptor, time};
 
 /// Maximum number of switches of the current version in an answer.
 const HISTORY_MAX: usize = 100;
@@ -186,6 +187,7 @@ pub(crate) fn training(request: &StartTraining) -> Result<StartTraining, Invalid
     Ok(StartTraining {
         objects: request.objects.clone(),
         sensor: Some(request.sensor.clone().unwrap_or_else(|| "digitacts-6x6".to_owned())),
+        sensor_knowledge: request.sensor_knowledge,
         readings_per_object: Some(count(n_readings)),
         seed: Some(seed),
         n_classes: Some(count(n_classes)),
@@ -228,6 +230,7 @@ pub(crate) fn extension(
     base: &StartTraining,
 ) -> Result<StartTraining, Invalid> {
     let given = [
+        ("/sensor_knowledge", request.sensor_knowledge.is_some()),
         ("/n_classes", request.n_classes.is_some()),
         ("/descriptor", request.descriptor.is_some()),
         ("/distance_range", request.distance_range.is_some()),
@@ -248,6 +251,7 @@ pub(crate) fn extension(
         return Err(Invalid::field("/extend", detail));
     }
     let settings = StartTraining {
+        sensor_knowledge: Some(coupling::knowledge(knowledge(base))),
         n_classes: base.n_classes,
         descriptor: base.descriptor,
         distance_range: base.distance_range,
@@ -258,6 +262,12 @@ pub(crate) fn extension(
         ..request.clone()
     };
     Ok(StartTraining { extend: Some(version), ..training(&settings)? })
+}
+
+/// Trust in the description of the sensor that presses meshes. Trainings that were requested
+/// before there was a choice press exactly as described.
+pub(crate) fn knowledge(training: &StartTraining) -> SensorKnowledge {
+    training.sensor_knowledge.map_or(SensorKnowledge::Measured, coupling::knowledge_of)
 }
 
 /// Core's configuration of a checked training.

@@ -281,7 +281,8 @@ pub(crate) fn touches(
     readings.iter().map(|reading| wire(&reading.moved_by(session_from_object))).collect()
 }
 
-fn wire(reading: &Reading) -> Value {
+/// A simulated reading of the preset in wire form.
+pub(crate) fn wire(reading: &Reading) -> Value {
     let pose = reading.session_from_sensor();
     json!({
         "sensor": "digitacts-6x6",

@@ -220,7 +220,7 @@ mod tests {
 
     #[test]
     fn every_row_of_weights_sums_to_one() {
-        for name in SensorDescription::PRESET_NAMES {
+        for name in palpate_core::sensor::Preset::NAMES {
             let imaging = Imaging::new(&SensorDescription::preset_named(name).unwrap(), 2, 4);
             for weights in imaging.row_weights.iter().chain(&imaging.col_weights) {
                 assert!((weights.iter().sum::<f64>() - 1.0).abs() < 1e-12, "{name}");

@@ -23,7 +23,7 @@ fn displacements(press: &Press) -> &[f64] {
 #[test]
 fn a_plate_pressed_one_millimetre_displaces_every_taxel_by_one() {
     let plate = cuboid(DVec3::new(80.0 * MM, 80.0 * MM, 10.0 * MM));
-    for name in SensorDescription::PRESET_NAMES {
+    for name in palpate_core::sensor::Preset::NAMES {
         let sensor = SensorDescription::preset_named(name).unwrap();
         let simulator = PressSimulator::new(plate.clone(), sensor);
         let press = simulator.press(looking_down(4.0 * MM)); // the top is at 5 mm

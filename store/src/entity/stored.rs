@@ -2,7 +2,8 @@
 
 use bincode::{Decode, Encode};
 use palpate_core::sensor::{
-    Coupling, ForceCurve, ImageOrder, SensorDescription, SensorParameters, TaxelGrid,
+    Coupling, CoveringEdge, ForceCurve, ImageOrder, SensorDescription, SensorKnowledge,
+    SensorParameters, SpreadKernel, StatedRanges, TaxelGrid,
 };
 use uuid::Uuid;
 
@@ -32,16 +33,138 @@ struct SensorRecordV1 {
     created_at_ms: u64,
 }
 
+/// Coupling and knowledge follow the fields of [`SensorRecordV1`].
+#[derive(Encode, Decode)]
+struct SensorRecordV2 {
+    known: SensorRecordV1,
+    coupling: CouplingV1,
+    /// Index in [`KNOWLEDGE`].
+    knowledge: u8,
+    ranges: RangesV1,
+}
+
+#[derive(Encode, Decode)]
+struct CouplingV1 {
+    /// Index in [`KERNELS`].
+    kernel: u8,
+    margin: Option<f64>,
+    /// Index in [`EDGES`].
+    edge: u8,
+    cross_talk: f64,
+    gain_spread: f64,
+    hysteresis: f64,
+}
+
+/// Stated ranges, (low, high) each; kernels and edges are indices.
+#[derive(Encode, Decode)]
+struct RangesV1 {
+    spread_factor: Option<(f64, f64)>,
+    kernels: Option<Vec<u8>>,
+    margin: Option<(f64, f64)>,
+    edges: Option<Vec<u8>>,
+    cross_talk: Option<(f64, f64)>,
+    stiffness: Option<(f64, f64)>,
+    stiffening: Option<(f64, f64)>,
+}
+
+const KERNELS: [SpreadKernel; 2] = [SpreadKernel::Gaussian, SpreadKernel::Exponential];
+const EDGES: [CoveringEdge; 3] =
+    [CoveringEdge::Continues, CoveringEdge::ConservesForce, CoveringEdge::LosesForce];
+const KNOWLEDGE: [SensorKnowledge; 2] = [SensorKnowledge::Measured, SensorKnowledge::DataSheet];
+
+impl CouplingV1 {
+    fn of(coupling: &Coupling) -> Self {
+        let Coupling { kernel, margin, edge, cross_talk, gain_spread, hysteresis } = *coupling;
+        let (kernel, edge) = (code(&KERNELS, &kernel), code(&EDGES, &edge));
+        Self { kernel, margin, edge, cross_talk, gain_spread, hysteresis }
+    }
+
+    fn value(&self) -> Result<Coupling, RecordError> {
+        Ok(Coupling {
+            kernel: coded(&KERNELS, "kernel", self.kernel)?,
+            margin: self.margin,
+            edge: coded(&EDGES, "edge", self.edge)?,
+            cross_talk: self.cross_talk,
+            gain_spread: self.gain_spread,
+            hysteresis: self.hysteresis,
+        })
+    }
+}
+
+impl RangesV1 {
+    fn of(stated: &StatedRanges) -> Self {
+        let codes = |edges: &Vec<CoveringEdge>| edges.iter().map(|e| code(&EDGES, e)).collect();
+        let kernels = |all: &Vec<SpreadKernel>| all.iter().map(|k| code(&KERNELS, k)).collect();
+        Self {
+            spread_factor: stated.spread_factor,
+            kernels: stated.kernels.as_ref().map(kernels),
+            margin: stated.margin,
+            edges: stated.edges.as_ref().map(codes),
+            cross_talk: stated.cross_talk,
+            stiffness: stated.stiffness,
+            stiffening: stated.stiffening,
+        }
+    }
+
+    fn value(&self) -> Result<StatedRanges, RecordError> {
+        let kernels = |codes: &Vec<u8>| -> Result<Vec<SpreadKernel>, RecordError> {
+            codes.iter().map(|found| coded(&KERNELS, "kernels", *found)).collect()
+        };
+        let edges = |codes: &Vec<u8>| -> Result<Vec<CoveringEdge>, RecordError> {
+            codes.iter().map(|found| coded(&EDGES, "edges", *found)).collect()
+        };
+        let ranges = StatedRanges {
+            spread_factor: self.spread_factor,
+            kernels: self.kernels.as_ref().map(kernels).transpose()?,
+            margin: self.margin,
+            edges: self.edges.as_ref().map(edges).transpose()?,
+            cross_talk: self.cross_talk,
+            stiffness: self.stiffness,
+            stiffening: self.stiffening,
+        };
+        ranges.check()?;
+        Ok(ranges)
+    }
+}
+
 impl Record for Sensor {
     const KIND: Kind = Kind::Sensor;
+    const SCHEMA: u16 = 2;
 
     fn to_payload(&self) -> Vec<u8> {
-        let parameters = self.description.parameters();
+        let coupling = CouplingV1::of(&self.description.parameters().coupling);
+        let (knowledge, ranges) = (code(&KNOWLEDGE, &self.knowledge), RangesV1::of(&self.ranges));
+        write(&SensorRecordV2 { known: SensorRecordV1::of(self), coupling, knowledge, ranges })
+    }
+
+    fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
+        let SensorRecordV2 { known, coupling, knowledge, ranges } = read(payload)?;
+        let knowledge = coded(&KNOWLEDGE, "knowledge", knowledge)?;
+        known.sensor(coupling.value()?, knowledge, ranges.value()?)
+    }
+
+    /// Presets of schema 1 describe the simulator; other sensors were described by their owners.
+    fn from_older(schema: u16, payload: &[u8]) -> Result<Self, RecordError> {
+        if schema != 1 {
+            return Err(RecordError::Schema { found: schema, known: Self::SCHEMA });
+        }
+        let known: SensorRecordV1 = read(payload)?;
+        let knowledge = match known.preset {
+            Some(_) => SensorKnowledge::Measured,
+            None => SensorKnowledge::DataSheet,
+        };
+        known.sensor(Coupling::default(), knowledge, StatedRanges::default())
+    }
+}
+
+impl SensorRecordV1 {
+    fn of(sensor: &Sensor) -> Self {
+        let parameters = sensor.description.parameters();
         let order = parameters.image_order;
-        write(&SensorRecordV1 {
-            id: self.id.into_bytes(),
-            name: self.name.clone(),
-            preset: self.preset.clone(),
+        Self {
+            id: sensor.id.into_bytes(),
+            name: sensor.name.clone(),
+            preset: sensor.preset.clone(),
             // A description has at most 128 of each.
             rows: parameters.grid.rows as u32,
             cols: parameters.grid.cols as u32,
@@ -54,37 +177,43 @@ impl Record for Sensor {
             noise: parameters.noise,
             quantisation: parameters.quantisation,
             image_order: [order.transposed, order.rows_reversed, order.cols_reversed],
-            used: self.used,
-            created_at_ms: self.created_at_ms,
-        })
+            used: sensor.used,
+            created_at_ms: sensor.created_at_ms,
+        }
     }
 
-    fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
-        let stored: SensorRecordV1 = read(payload)?;
-        let [transposed, rows_reversed, cols_reversed] = stored.image_order;
+    fn sensor(
+        self,
+        coupling: Coupling,
+        knowledge: SensorKnowledge,
+        ranges: StatedRanges,
+    ) -> Result<Sensor, RecordError> {
+        let [transposed, rows_reversed, cols_reversed] = self.image_order;
         let description = SensorDescription::new(SensorParameters {
             grid: TaxelGrid {
-                rows: stored.rows as usize,
-                cols: stored.cols as usize,
-                pitch: stored.pitch,
-                taxel_width: stored.taxel_width,
+                rows: self.rows as usize,
+                cols: self.cols as usize,
+                pitch: self.pitch,
+                taxel_width: self.taxel_width,
             },
-            covering_thickness: stored.covering_thickness,
-            point_spread: stored.point_spread,
-            force_curve: ForceCurve::new(stored.force_curve)?,
-            saturation: stored.saturation,
-            noise: stored.noise,
-            quantisation: stored.quantisation,
+            covering_thickness: self.covering_thickness,
+            point_spread: self.point_spread,
+            force_curve: ForceCurve::new(self.force_curve)?,
+            saturation: self.saturation,
+            noise: self.noise,
+            quantisation: self.quantisation,
             image_order: ImageOrder { transposed, rows_reversed, cols_reversed },
-            coupling: Coupling::default(),
+            coupling,
         })?;
-        Ok(Self {
-            id: Uuid::from_bytes(stored.id),
-            name: stored.name,
-            preset: stored.preset,
+        Ok(Sensor {
+            id: Uuid::from_bytes(self.id),
+            name: self.name,
+            preset: self.preset,
             description,
-            used: stored.used,
-            created_at_ms: stored.created_at_ms,
+            knowledge,
+            ranges,
+            used: self.used,
+            created_at_ms: self.created_at_ms,
         })
     }
 }

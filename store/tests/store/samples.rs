@@ -7,7 +7,10 @@ use palpate_core::reading::Looseness;
 use palpate_core::reading::point_contact::ContactNumbers;
 use palpate_core::sensor::line::{Goodness, Line};
 use palpate_core::sensor::spread_fit::SpreadFit;
-use palpate_core::sensor::{Calibration, SensorDescription, TaxelResponse, TaxelState};
+use palpate_core::sensor::{
+    Calibration, Coupling, CoveringEdge, SensorDescription, SensorKnowledge, SensorParameters,
+    SpreadKernel, StatedRanges, TaxelResponse, TaxelState,
+};
 use palpate_store::calibration::{StoredCalibration, StoredSpread};
 use palpate_store::catalogue::{Catalogue, Draft, VersionObject};
 use palpate_store::database::Database;
@@ -29,8 +32,39 @@ pub(crate) fn sensor(id: u128) -> Sensor {
         name: format!("sensor-{id}"),
         preset: Some("digitacts-6x6".to_owned()),
         description: SensorDescription::digitacts_6x6(),
+        knowledge: SensorKnowledge::Measured,
+        ranges: StatedRanges::default(),
         used: true,
         created_at_ms: 1_700_000_000_001,
+    }
+}
+
+/// A sensor whose coupling, knowledge and ranges all differ from the defaults.
+pub(crate) fn coupled_sensor(id: u128) -> Sensor {
+    let coupling = Coupling {
+        kernel: SpreadKernel::Exponential,
+        margin: Some(0.001),
+        edge: CoveringEdge::LosesForce,
+        cross_talk: 0.12,
+        gain_spread: 0.05,
+        hysteresis: 0.03,
+    };
+    let known = SensorDescription::digitacts_6x6().parameters().clone();
+    let ranges = StatedRanges {
+        spread_factor: Some((0.8, 1.2)),
+        kernels: Some(vec![SpreadKernel::Exponential]),
+        margin: Some((0.0, 0.002)),
+        edges: Some(vec![CoveringEdge::ConservesForce, CoveringEdge::LosesForce]),
+        cross_talk: Some((0.1, 0.2)),
+        stiffness: Some((0.9, 1.1)),
+        stiffening: Some((0.0, 0.5)),
+    };
+    Sensor {
+        preset: None,
+        description: SensorDescription::new(SensorParameters { coupling, ..known }).unwrap(),
+        knowledge: SensorKnowledge::DataSheet,
+        ranges,
+        ..sensor(id)
     }
 }
 

@@ -1763,6 +1763,93 @@ export interface components {
              */
             live_bytes: number;
         };
+        /** @description A contact without an image: where a surface was felt, or that nothing was felt there. */
+        Contact: {
+            /**
+             * Format: double
+             * @description Normal force in newton, 0 to 100,000. It is stored and returned; no method uses it.
+             * @example 2.5
+             */
+            force_n?: number | null;
+            /**
+             * @description Outward normal of the touched surface in the session frame, a unit vector x, y, z: against
+             *     the direction of the push. Leave it out if it is unknown.
+             * @example [
+             *       0,
+             *       0,
+             *       1
+             *     ]
+             */
+            normal?: number[] | null;
+            /**
+             * Format: double
+             * @description Standard deviation of the normal about either axis, in radians, at most 1. Given with
+             *     `normal`, and only then.
+             * @example 0.2
+             */
+            normal_deviation_rad?: number | null;
+            /**
+             * @description Position of the contact in the session frame, in metres: x, y, z.
+             * @example [
+             *       0.412,
+             *       -0.085,
+             *       0.163
+             *     ]
+             */
+            position: number[];
+            /**
+             * Format: double
+             * @description Standard deviation of the position in each direction, in metres, at most 0.1: of the sensor
+             *     and of the arm's pose together. A bumper may know 0.02, a taxel half its width.
+             * @example 0.002
+             */
+            position_deviation_m: number;
+            /**
+             * @description Whether something was touched; `false` means that nothing is at the position. Default: true.
+             * @default true
+             */
+            touched: boolean;
+        };
+        /**
+         * @description Coupling of the covering and the taxels, beyond the standard deviation of the spread. Every
+         *     field may be omitted. In trainings of `data_sheet`, a value other than its default is taken as
+         *     known, and a default as unknown.
+         */
+        Coupling: {
+            /**
+             * Format: double
+             * @description Share of a taxel's pressure that each of its up to four neighbours reads in addition, 0 to
+             *     0.5. Sheets call it "cross-talk"; −20 dB is 0.1. Default: 0.
+             */
+            cross_talk?: number;
+            /**
+             * @description Effect of the covering's end on forces near it. Press a flat plate on the whole array: the
+             *     outermost taxels read as much as the others (`continues`), more (`conserves_force`) or less
+             *     (`loses_force`). Default: `continues`.
+             */
+            edge?: components["schemas"]["CoveringEdge"];
+            /**
+             * Format: double
+             * @description Relative standard deviation of the taxels' gains, 0 to 0.5. Sheets call it "uniformity" or
+             *     "part-to-part repeatability". Default: 0.
+             */
+            gain_spread?: number;
+            /**
+             * Format: double
+             * @description Largest relative deviation of a press through hysteresis, 0 to 0.5. Half of the "hysteresis"
+             *     of the sheet, which is the whole width of the loop. Default: 0.
+             */
+            hysteresis?: number;
+            /** @description Shape of the lateral spread. Data sheets do not state it: omit it. Default: `gaussian`. */
+            kernel?: components["schemas"]["SpreadKernel"];
+            /**
+             * Format: double
+             * @description Extent of the covering beyond the cells of the outermost taxels, in metres, 0 to 0.1; null
+             *     if it is farther than any press spreads. Measure it with a ruler: 0 if the rubber ends where
+             *     the array ends. Default: null.
+             */
+            margin?: number | null;
+        };
         /** @description Comparison of coverings. */
         CoveringAnalysis: {
             /**
@@ -1785,6 +1872,11 @@ export interface components {
              */
             recommended?: number | null;
         };
+        /**
+         * @description Effect of the end of the covering on forces near it.
+         * @enum {string}
+         */
+        CoveringEdge: "continues" | "conserves_force" | "loses_force";
         /** @description Benefits and costs of one covering. */
         CoveringTradeOff: {
             /** @description Spatial acuity at each force resolution. */
@@ -1839,6 +1931,7 @@ export interface components {
         };
         /** @description A new sensor, from a preset or a description. */
         CreateSensor: {
+            coupling?: components["schemas"]["Coupling"] | null;
             description?: components["schemas"]["DescribeSensor"] | null;
             image_order?: components["schemas"]["ImageOrder"] | null;
             /**
@@ -1847,6 +1940,7 @@ export interface components {
              */
             name: string;
             preset?: components["schemas"]["SensorPreset"] | null;
+            sensor_knowledge?: components["schemas"]["SensorKnowledge"] | null;
         };
         /**
          * @description A new session: one object that is touched. It rests in one frame, except with the methods
@@ -1964,6 +2058,8 @@ export interface components {
          *     of omitted fields.
          */
         DescribeSensor: {
+            /** @description Spread, edge and cross-talk beyond one Gaussian. */
+            coupling?: components["schemas"]["Coupling"];
             /**
              * Format: double
              * @description Thickness of the covering in metres, which is also the deepest indentation.
@@ -1999,6 +2095,7 @@ export interface components {
              * @example 78.125
              */
             quantisation: number;
+            ranges?: components["schemas"]["SensorRanges"] | null;
             /**
              * Format: double
              * @description Largest pressure that a taxel reports, in pascal.
@@ -2503,6 +2600,19 @@ export interface components {
             /** @description The best evaluated approaches, best first. */
             touches: components["schemas"]["NextTouch"][];
         };
+        /** @description A range of numbers. */
+        NumberRange: {
+            /**
+             * Format: double
+             * @description Largest value; at least `low`.
+             */
+            high: number;
+            /**
+             * Format: double
+             * @description Smallest value.
+             */
+            low: number;
+        };
         /** @description Appearance of one object. */
         ObjectAppearance: {
             /** @description Number of readings in each class; soft assignments count in part. */
@@ -2642,6 +2752,7 @@ export interface components {
              *     and surfaces.
              */
             origin_in_mesh: number[];
+            sensor_knowledge?: components["schemas"]["SensorKnowledge"] | null;
             surface?: components["schemas"]["SurfaceReport"] | null;
             /**
              * @description Symmetry axes in the object frame, highest order first; empty if there are none or if the
@@ -2884,7 +2995,7 @@ export interface components {
             ready: boolean;
         };
         /**
-         * @description One press: the image and, if known, the sensor's pose.
+         * @description One press: the image and, if known, the sensor's pose; or one contact without an image.
          *
          *     A press without contact is evidence too: send it.
          */
@@ -2892,10 +3003,12 @@ export interface components {
             /**
              * Format: double
              * @description Distance in metres that the sensor travelled along its +z to the pose without contact, 0 to
-             *     10. If the press met nothing, `surface` takes the whole path as free space.
+             *     10; for a `contact`, against its normal to its position. If the press met nothing, `surface`
+             *     takes the whole path as free space.
              * @example 0.12
              */
             approach_m?: number | null;
+            contact?: components["schemas"]["Contact"] | null;
             /**
              * @description The client's own feature of the press, such as a learned code: 1 to 4096 numbers within
              *     ±10⁹. Only for catalogues whose appearance is trained from `features`. All readings of a
@@ -2909,9 +3022,9 @@ export interface components {
             frame_id?: string | null;
             /**
              * @description Pressures in pascal, row by row as the sensor's driver sends them; `null` marks a taxel
-             *     without a value.
+             *     without a value. Exactly one of `image` and `contact` is given.
              */
-            image: (number | null)[];
+            image?: (number | null)[];
             object_moved?: components["schemas"]["Looseness"] | null;
             pose?: components["schemas"]["Pose"] | null;
             /**
@@ -2931,6 +3044,12 @@ export interface components {
              * @example 17
              */
             seq?: number | null;
+            /**
+             * @description Shear of three-axis taxels in pascal: two values for each taxel, along the sensor's +x and
+             *     +y, in the order of the image; `null` marks a taxel without a value. It is stored and
+             *     returned with the reading. No method uses it yet, and the answer warns.
+             */
+            shear?: (number[] | null)[] | null;
             stamp?: components["schemas"]["Stamp"] | null;
         };
         /**
@@ -3291,6 +3410,8 @@ export interface components {
             name: string;
             /** @description The preset the sensor was created from, if any. */
             preset?: string | null;
+            /** @description The owner's trust in the description. */
+            sensor_knowledge?: components["schemas"]["SensorKnowledge"];
         };
         /** @description A calibration of a sensor. It applies to readings received after it. */
         SensorCalibration: {
@@ -3336,6 +3457,8 @@ export interface components {
          *     object, +x along columns, +y along rows.
          */
         SensorDescription: {
+            /** @description Spread, edge and cross-talk beyond one Gaussian. */
+            coupling?: components["schemas"]["Coupling"];
             /**
              * Format: double
              * @description Thickness of the covering in metres, which is also the deepest indentation.
@@ -3366,6 +3489,7 @@ export interface components {
              * @example 78.125
              */
             quantisation: number;
+            ranges?: components["schemas"]["SensorRanges"] | null;
             /**
              * Format: double
              * @description Largest pressure that a taxel reports, in pascal.
@@ -3373,6 +3497,11 @@ export interface components {
              */
             saturation: number;
         };
+        /**
+         * @description Trust in a sensor's description, which decides how meshes are pressed in trainings.
+         * @enum {string}
+         */
+        SensorKnowledge: "measured" | "data_sheet";
         /** @description A page of sensors. */
         SensorPage: {
             /** @description The sensors, oldest first. */
@@ -3384,7 +3513,22 @@ export interface components {
          * @description A sensor that the server knows by name.
          * @enum {string}
          */
-        SensorPreset: "digitacts-6x6" | "digitacts-6x6-thin" | "digitacts-6x8" | "fingertip-14x14" | "tekscan-26x26";
+        SensorPreset: "digitacts-6x6" | "digitacts-6x6-thin" | "digitacts-6x8" | "fingertip-14x14" | "tekscan-26x26" | "xela-uskin-4x4" | "contactile-papillarray-3x3" | "pps-digitacts-6x4" | "gelsight-mini-18x24" | "digit-16x19";
+        /**
+         * @description What a description of `data_sheet` leaves open: trainings from meshes draw sensors from these
+         *     ranges. A range in the request takes the place of the default.
+         */
+        SensorRanges: {
+            cross_talk?: components["schemas"]["NumberRange"] | null;
+            /** @description Effects of the covering's end. Default: that of `coupling`, or all if it is `continues`. */
+            edges?: components["schemas"]["CoveringEdge"][] | null;
+            /** @description Shapes of the spread. Default: that of `coupling`, or all if it is `gaussian`. */
+            kernels?: components["schemas"]["SpreadKernel"][] | null;
+            margin?: components["schemas"]["NumberRange"] | null;
+            spread_factor?: components["schemas"]["NumberRange"] | null;
+            stiffening?: components["schemas"]["NumberRange"] | null;
+            stiffness?: components["schemas"]["NumberRange"] | null;
+        };
         /** @description A session: one object that is touched. */
         Session: {
             /**
@@ -3507,9 +3651,10 @@ export interface components {
              * @description Number of the sensor calibration applied to the pressures; null if there was none.
              */
             calibration?: number | null;
+            contact?: components["schemas"]["Contact"] | null;
             /** @description The client's own feature of the press; null if not sent. */
             feature?: number[] | null;
-            /** @description Pressures in pascal, as sent. */
+            /** @description Pressures in pascal, as sent; empty for a contact without an image. */
             image: (number | null)[];
             /**
              * Format: int32
@@ -3541,6 +3686,8 @@ export interface components {
              * @description The robot's sequence number of the reading.
              */
             seq?: number | null;
+            /** @description Shear in pascal, as sent: two values for each taxel; null if not sent. */
+            shear?: (number[] | null)[] | null;
             stamp?: components["schemas"]["Stamp"] | null;
             written_by?: components["schemas"]["Writer"] | null;
         };
@@ -3641,6 +3788,11 @@ export interface components {
              */
             sigma_in_widths: number;
         };
+        /**
+         * @description Shape of the lateral spread of a press; its standard deviation is `point_spread`.
+         * @enum {string}
+         */
+        SpreadKernel: "gaussian" | "exponential";
         /** @description One press of the fine grid. */
         SpreadPress: {
             /**
@@ -3706,9 +3858,9 @@ export interface components {
             /**
              * Format: int32
              * @description Version of the same catalogue to extend. Its vocabularies and objects are kept bit for bit;
-             *     only `objects` are trained (default: those it does not know). `n_classes`, `descriptor`,
-             *     `distance_range`, `geometric`, `appearance`, `surface` and `sva` are taken from that
-             *     version and must not be given.
+             *     only `objects` are trained (default: those it does not know). `sensor_knowledge`, `n_classes`,
+             *     `descriptor`, `distance_range`, `geometric`, `appearance`, `surface` and `sva` are taken
+             *     from that version and must not be given.
              */
             extend?: number | null;
             geometric?: components["schemas"]["GeometricTraining"] | null;
@@ -3734,6 +3886,7 @@ export interface components {
              *     own are trained from those. Default: `digitacts-6x6`.
              */
             sensor?: string | null;
+            sensor_knowledge?: components["schemas"]["SensorKnowledge"] | null;
             /**
              * @description Whether one object that cannot be trained fails the training. If false, the object is
              *     skipped and listed under `skipped` in the report. A training left without objects always
@@ -3839,6 +3992,8 @@ export interface components {
              * @description The robot's sequence number of the reading.
              */
             seq?: number | null;
+            /** @description Shear in pascal, as sent: two values for each taxel; null if not sent. */
+            shear?: (number[] | null)[] | null;
             stamp?: components["schemas"]["Stamp"] | null;
             written_by?: components["schemas"]["Writer"] | null;
         };
@@ -4064,6 +4219,7 @@ export interface components {
              * @description Seed of all random choices.
              */
             seed: number;
+            sensor_knowledge?: components["schemas"]["SensorKnowledge"] | null;
             /** @description Objects that could not be trained, with reasons. They are not in the version. */
             skipped?: components["schemas"]["SkippedObject"][];
             /**
@@ -4143,7 +4299,7 @@ export interface components {
          * @description Kind of a warning.
          * @enum {string}
          */
-        WarningCode: "pressure_unit" | "pressure_low" | "not_tared" | "saturated" | "position_unit" | "position_far" | "positions_apart" | "object_large" | "object_small" | "sizes_differ" | "few_touches" | "objects_skipped";
+        WarningCode: "pressure_unit" | "pressure_low" | "not_tared" | "saturated" | "position_unit" | "position_far" | "positions_apart" | "object_large" | "object_small" | "sizes_differ" | "few_touches" | "objects_skipped" | "contact_ignored" | "shear_ignored";
         /** @description The caller, as the server identifies it. */
         Whoami: {
             key?: components["schemas"]["ApiKey"] | null;
@@ -9743,6 +9899,14 @@ export interface operations {
                 /**
                  * @example {
                  *       "description": {
+                 *         "coupling": {
+                 *           "cross_talk": 0,
+                 *           "edge": "loses_force",
+                 *           "gain_spread": 0.05,
+                 *           "hysteresis": 0,
+                 *           "kernel": "gaussian",
+                 *           "margin": 0.001
+                 *         },
                  *         "covering_thickness": 0.00254,
                  *         "force_curve": [
                  *           {

@@ -61,6 +61,10 @@ function Described({ sensor }: { sensor: Sensor }) {
           ["Saturation", kPa(description.saturation)],
           ["Noise σ", `${description.noise} Pa`],
           ["Image order", order(description.image_order)],
+          ["Covering beyond the array", margin(description)],
+          ["Edge of the covering", (description.coupling?.edge ?? "continues").replace("_", " ")],
+          ["Cross-talk", `${(100 * (description.coupling?.cross_talk ?? 0)).toFixed(1)} %`],
+          ["Knowledge", knowledge(sensor)],
         ]}
       />
       <h3 class="chart-title">Pressure over displacement</h3>
@@ -68,6 +72,20 @@ function Described({ sensor }: { sensor: Sensor }) {
         format={(value) => value.toFixed(0)} legend={false} />
     </Panel>
   );
+}
+
+function margin(description: Sensor["description"]): string {
+  const known = description.coupling?.margin;
+  if (typeof known === "number") return mm(known);
+  const open = description.ranges?.margin;
+  return open ? `open, ${mm(open.low)} to ${mm(open.high)}` : "far";
+}
+
+/** What the owner says about the description, and what trainings from meshes make of it. */
+function knowledge(sensor: Sensor): string {
+  return sensor.sensor_knowledge === "measured"
+    ? "measured: meshes are pressed exactly as described"
+    : "data sheet: meshes are pressed with all sensors that it may stand for";
 }
 
 function order(order: Sensor["description"]["image_order"]): string {

@@ -38,6 +38,7 @@ pub(super) fn draft(
         calibrated: basis.map(|_| uncalibrated_reason.is_none()),
         calibrated_on: convert::count(calibrated_on),
         uncalibrated_reason,
+        sensor_knowledge: trained.objects.iter().find_map(|object| object.sensor_knowledge),
         objects: trained.objects,
         skipped: trained.skipped,
         warnings: trained.warnings,

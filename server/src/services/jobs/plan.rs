@@ -33,6 +33,8 @@ impl Jobs {
             )
         })?;
         training.sensor = Some(sensor.id.to_string());
+        let by_default = convert::coupling::knowledge(sensor.knowledge);
+        training.sensor_knowledge = Some(training.sensor_knowledge.unwrap_or(by_default));
         let known = base.map_or(Vec::new(), |(manifest, _)| manifest.objects);
         let objects = self.objects_of(&training, &known)?;
         training.objects = Some(objects.iter().map(|object| object.id.to_string()).collect());
@@ -75,6 +77,7 @@ impl Jobs {
         Ok(Plan {
             objects: objects?,
             sensor: self.sensors.get(training.sensor.as_deref().unwrap_or_default())?,
+            knowledge: convert::training::knowledge(training),
             readings_per_object: training.readings_per_object.map_or(1000, |n| n as usize),
             seed: training.seed.unwrap_or(1),
             config: convert::training::config(training)?,

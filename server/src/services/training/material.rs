@@ -8,10 +8,12 @@ use palpate_core::reading::{Reading, SensorId};
 use palpate_core::sensor::{SensorDescription, TaxelGrid};
 use palpate_core::symmetry::Symmetry;
 use palpate_core::training::TrainingSet;
+use palpate_recogniser::belief::calibrate::{READINGS, runs_per_object};
 use palpate_schemas::JobStage;
 use palpate_sim::mesh::Mesh;
 use palpate_sim::press::PressSimulator;
-use palpate_sim::sampler::{SampleError, SamplerConfig, sample};
+use palpate_sim::sampler::family::{sample_family, sample_runs};
+use palpate_sim::sampler::{SampleError, SamplerConfig};
 use palpate_sim::symmetry;
 use palpate_store::catalogue::VersionObject;
 use palpate_store::entity::Sensor;
@@ -36,6 +38,9 @@ pub(super) struct Material {
     pub(super) origin: Option<DVec3>,
     /// Symmetry of the touched mesh about `origin`, if needed.
     pub(super) symmetry: Option<Symmetry>,
+    /// Further touches of the mesh for the calibration, in runs of [`READINGS`] by one sensor of
+    /// a family each; `None` if a part of `readings` is held out instead.
+    pub(super) held_back: Option<Vec<Reading>>,
     /// Vertical presses of a mesh for a planar map; otherwise maps of contact are trained
     /// from the readings.
     planar: Option<Vec<Reading>>,
@@ -80,13 +85,13 @@ pub(super) fn gather(
     sources: &Sources<'_>,
     progress: &Progress<'_>,
 ) -> Result<Vec<Result<Material, TrainingFailure>>, TrainingFailure> {
-    let total = plan.objects.len() * plan.readings_per_object;
+    let total = plan.objects.len() * n_touches(plan);
     let done = AtomicUsize::new(0);
     step(progress, JobStage::Sampling, 0, total)?;
     let gather_one = |(index, object): (usize, &VersionObject)| {
         let material = match own_readings(plan, object, sources)? {
             Some(material) => {
-                done.fetch_add(plan.readings_per_object, Ordering::Relaxed);
+                done.fetch_add(n_touches(plan), Ordering::Relaxed);
                 material
             }
             None => touch(plan, index, object, sources, &done, progress)?,
@@ -135,8 +140,25 @@ pub(super) fn own_readings(
         sensor,
         origin: None,
         symmetry: None,
+        held_back: None,
         planar: None,
     }))
+}
+
+/// Number of runs by one sensor of the family each that are held back of an object. Chosen: at
+/// least two, so that trials differ in the sensor, and at most half as many touches as the object
+/// is trained from, so that these cost at most half as much again.
+fn n_runs(plan: &Plan) -> usize {
+    if !plan.surface || plan.family().is_single() {
+        return 0;
+    }
+    let affordable = plan.readings_per_object / (2 * READINGS);
+    runs_per_object(plan.objects.len()).min(affordable).max(2)
+}
+
+/// Number of simulated touches of an object.
+fn n_touches(plan: &Plan) -> usize {
+    plan.readings_per_object + n_runs(plan) * READINGS
 }
 
 /// Touches an object's mesh in simulation.
@@ -155,24 +177,46 @@ fn touch(
     let simulator = PressSimulator::new(mesh, plan.sensor.description.clone());
     let planar = geometry::planar_presses(plan, index, object, &simulator)?;
     let config = SamplerConfig::for_simulator(&simulator);
-    let total = plan.objects.len() * plan.readings_per_object;
+    let total = plan.objects.len() * n_touches(plan);
     let mut counted = 0;
-    let mut hear = |taken: usize, _: usize| {
+    let mut hear = |taken: usize| {
         let now = done.fetch_add(taken - counted, Ordering::Relaxed) + (taken - counted);
         counted = taken;
         progress(JobStage::Sampling, now, total)
     };
     let id = SensorId(plan.sensor.id.as_u128());
     let seed = plan.seed.wrapping_add(index as u64);
-    let readings = sample(&simulator, id, plan.readings_per_object, seed, &config, &mut hear)
-        .map_err(|source| match source {
-            SampleError::Stopped { .. } => TrainingFailure::Stopped,
-            source => TrainingFailure::Sampling { object: name(), size, source },
-        })?;
+    let (family, n) = (plan.family(), plan.readings_per_object);
+    let failed = |source| match source {
+        SampleError::Stopped { .. } => TrainingFailure::Stopped,
+        source => TrainingFailure::Sampling { object: name(), size, source },
+    };
+    let mut trained = |taken: usize, _: usize| hear(taken);
+    let readings = sample_family(&simulator, &family, id, n, seed, &config, &mut trained);
+    let readings = readings.map_err(failed)?;
+    let held_back = match n_runs(plan) {
+        0 => None,
+        runs => {
+            let mut held = |taken: usize, _: usize| hear(n + taken);
+            let runs = (runs, READINGS);
+            let taken = sample_runs(&simulator, &family, id, runs, seed, &config, &mut held);
+            Some(taken.map_err(failed)?)
+        }
+    };
     let sensor = Arc::clone(&plan.sensor);
     let (object, origin, features) = (object.clone(), Some(origin), Vec::new());
     let touched = Touched { size, ..Touched::of(&readings, &sensor.description, true) };
-    Ok(Material { object, touched, readings, features, sensor, origin, symmetry, planar })
+    Ok(Material {
+        object,
+        readings,
+        features,
+        touched,
+        sensor,
+        origin,
+        symmetry,
+        held_back,
+        planar,
+    })
 }
 
 /// The mesh of an object, metres.

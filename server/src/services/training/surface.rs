@@ -1,7 +1,8 @@
 //! Training of surfaces, and calibration of their evidence.
 //!
-//! A tenth of an object's readings is held out of its surface for the calibration. The
-//! symmetry is that of the mesh, or found in all readings. A training that extends a version
+//! A tenth of an object's readings is held out of its surface for the calibration. A mesh that a
+//! family of sensors presses has touches of its own for that, by sensors that its surface does not
+//! know. The symmetry is that of the mesh, or found in all readings. A training that extends a version
 //! uses its appearance space, and learns the calibration again for all objects together.
 
 use std::sync::Arc;
@@ -12,7 +13,7 @@ use palpate_core::reading::Reading;
 use palpate_core::symmetry::{Finding, Symmetry};
 use palpate_core::training::TrainingSet;
 use palpate_dissertation::sva::model::ObjectMap;
-use palpate_recogniser::belief::calibrate::{HeldBack, calibrate};
+use palpate_recogniser::belief::calibrate::{HeldBack, READINGS, calibrate};
 use palpate_recogniser::model::{AppearanceSpace, SurfaceMap};
 use palpate_recogniser::model::{CalibrationBasis, EvidenceCalibration, SurfaceModel};
 use palpate_recogniser::options::SurfaceOptions;
@@ -108,6 +109,9 @@ pub(super) fn is_held_back(index: usize, n: usize) -> bool {
 
 fn split(material: &Material) -> Split {
     let (readings, _) = material.parts();
+    if let Some(held_back) = &material.held_back {
+        return Split { kept: readings.to_vec(), held_back: held_back.clone() };
+    }
     let (mut kept, mut held_back) = (Vec::new(), Vec::new());
     for (index, reading) in readings.iter().enumerate() {
         let side = if is_held_back(index, readings.len()) { &mut held_back } else { &mut kept };
@@ -157,7 +161,7 @@ fn held_back<'a>(materials: &'a [Material], splits: &'a [Split]) -> Vec<HeldBack
     let of = |(split, material): (&'a Split, &'a Material)| HeldBack {
         readings: &split.held_back,
         sensor: material.parts().1,
-        run: None,
+        run: material.held_back.is_some().then_some(READINGS),
     };
     splits.iter().zip(materials).map(of).collect()
 }
@@ -165,7 +169,7 @@ fn held_back<'a>(materials: &'a [Material], splits: &'a [Split]) -> Vec<HeldBack
 fn by_object(unseen: &[Unseen]) -> Vec<HeldBack<'_>> {
     unseen
         .iter()
-        .map(|one| HeldBack { readings: &one.readings, sensor: &one.sensor, run: None })
+        .map(|one| HeldBack { readings: &one.readings, sensor: &one.sensor, run: one.run })
         .collect()
 }
 

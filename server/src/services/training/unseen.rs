@@ -8,10 +8,11 @@ use std::ops::ControlFlow;
 
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::sensor::SensorDescription;
-use palpate_recogniser::belief::calibrate::HELD_BACK_MIN;
+use palpate_recogniser::belief::calibrate::{HELD_BACK_MIN, READINGS};
 use palpate_recogniser::model::SurfaceModel;
 use palpate_schemas::ObjectReport;
 use palpate_sim::press::PressSimulator;
+use palpate_sim::sampler::family::sample_runs;
 use palpate_sim::sampler::{SampleError, SamplerConfig, sample};
 use palpate_store::catalogue::VersionObject;
 use rayon::prelude::*;
@@ -35,6 +36,8 @@ const SAME_MESH: f64 = 1e-6;
 pub(super) struct Unseen {
     pub(super) readings: Vec<Reading>,
     pub(super) sensor: SensorDescription,
+    /// Number of consecutive readings by one sensor of a family; `None` if one took them all.
+    pub(super) run: Option<usize>,
 }
 
 /// Held-out readings of the objects of a version, in its order; none for those at `places`,
@@ -66,7 +69,7 @@ pub(super) fn gather(
 }
 
 fn nothing(plan: &Plan) -> Unseen {
-    Unseen { readings: Vec::new(), sensor: plan.sensor.description.clone() }
+    Unseen { readings: Vec::new(), sensor: plan.sensor.description.clone(), run: None }
 }
 
 fn one(
@@ -90,7 +93,7 @@ fn one(
                 (0..readings.len()).filter(is_unseen).map(|at| readings[at].clone()).collect();
             let is_enough = unseen.len() >= HELD_BACK_MIN;
             let readings = if is_enough { unseen } else { Vec::new() };
-            return Ok(Unseen { readings, sensor: sensor.clone() });
+            return Ok(Unseen { readings, sensor: sensor.clone(), run: None });
         }
         // Later readings do not fit its surface.
         Err(
@@ -115,8 +118,17 @@ fn one(
     // Different from the seeds of all trainings.
     let seed = !plan.seed.wrapping_add(place as u64);
     let mut hear = |_: usize, _: usize| stop();
-    match sample(&simulator, id, TOUCHES, seed, &config, &mut hear) {
-        Ok(readings) => Ok(Unseen { readings, sensor }),
+    let family = plan.family();
+    let (taken, run) = if family.is_single() {
+        (sample(&simulator, id, TOUCHES, seed, &config, &mut hear), None)
+    } else {
+        // Runs of this seed are other touches than those of any map.
+        let (runs, seed) = ((TOUCHES / READINGS, READINGS), !seed);
+        let taken = sample_runs(&simulator, &family, id, runs, seed, &config, &mut hear);
+        (taken, Some(READINGS))
+    };
+    match taken {
+        Ok(readings) => Ok(Unseen { readings, sensor, run }),
         Err(SampleError::Stopped { .. }) => Err(TrainingFailure::Stopped),
         // This sensor cannot touch it often enough; that of its training could.
         Err(_) => Ok(nothing(plan)),
