@@ -1763,6 +1763,53 @@ export interface components {
              */
             live_bytes: number;
         };
+        /** @description A contact without an image: where a surface was felt, or that nothing was felt there. */
+        Contact: {
+            /**
+             * Format: double
+             * @description Normal force in newton, 0 to 100,000. It is stored and returned; no method uses it.
+             * @example 2.5
+             */
+            force_n?: number | null;
+            /**
+             * @description Outward normal of the touched surface in the session frame, a unit vector x, y, z: against
+             *     the direction of the push. Leave it out if it is unknown.
+             * @example [
+             *       0,
+             *       0,
+             *       1
+             *     ]
+             */
+            normal?: number[] | null;
+            /**
+             * Format: double
+             * @description Standard deviation of the normal about either axis, in radians, at most 1. Given with
+             *     `normal`, and only then.
+             * @example 0.2
+             */
+            normal_deviation_rad?: number | null;
+            /**
+             * @description Position of the contact in the session frame, in metres: x, y, z.
+             * @example [
+             *       0.412,
+             *       -0.085,
+             *       0.163
+             *     ]
+             */
+            position: number[];
+            /**
+             * Format: double
+             * @description Standard deviation of the position in each direction, in metres, at most 0.1: of the sensor
+             *     and of the arm's pose together. A bumper may know 0.02, a taxel half its width.
+             * @example 0.002
+             */
+            position_deviation_m: number;
+            /**
+             * @description Whether something was touched; `false` means that nothing is at the position. Default: true.
+             * @default true
+             */
+            touched: boolean;
+        };
         /** @description Comparison of coverings. */
         CoveringAnalysis: {
             /**
@@ -2884,7 +2931,7 @@ export interface components {
             ready: boolean;
         };
         /**
-         * @description One press: the image and, if known, the sensor's pose.
+         * @description One press: the image and, if known, the sensor's pose; or one contact without an image.
          *
          *     A press without contact is evidence too: send it.
          */
@@ -2892,10 +2939,12 @@ export interface components {
             /**
              * Format: double
              * @description Distance in metres that the sensor travelled along its +z to the pose without contact, 0 to
-             *     10. If the press met nothing, `surface` takes the whole path as free space.
+             *     10; for a `contact`, against its normal to its position. If the press met nothing, `surface`
+             *     takes the whole path as free space.
              * @example 0.12
              */
             approach_m?: number | null;
+            contact?: components["schemas"]["Contact"] | null;
             /**
              * @description The client's own feature of the press, such as a learned code: 1 to 4096 numbers within
              *     ±10⁹. Only for catalogues whose appearance is trained from `features`. All readings of a
@@ -2909,9 +2958,9 @@ export interface components {
             frame_id?: string | null;
             /**
              * @description Pressures in pascal, row by row as the sensor's driver sends them; `null` marks a taxel
-             *     without a value.
+             *     without a value. Exactly one of `image` and `contact` is given.
              */
-            image: (number | null)[];
+            image?: (number | null)[];
             object_moved?: components["schemas"]["Looseness"] | null;
             pose?: components["schemas"]["Pose"] | null;
             /**
@@ -2931,6 +2980,12 @@ export interface components {
              * @example 17
              */
             seq?: number | null;
+            /**
+             * @description Shear of three-axis taxels in pascal: two values for each taxel, along the sensor's +x and
+             *     +y, in the order of the image; `null` marks a taxel without a value. It is stored and
+             *     returned with the reading. No method uses it yet, and the answer warns.
+             */
+            shear?: (number[] | null)[] | null;
             stamp?: components["schemas"]["Stamp"] | null;
         };
         /**
@@ -3507,9 +3562,10 @@ export interface components {
              * @description Number of the sensor calibration applied to the pressures; null if there was none.
              */
             calibration?: number | null;
+            contact?: components["schemas"]["Contact"] | null;
             /** @description The client's own feature of the press; null if not sent. */
             feature?: number[] | null;
-            /** @description Pressures in pascal, as sent. */
+            /** @description Pressures in pascal, as sent; empty for a contact without an image. */
             image: (number | null)[];
             /**
              * Format: int32
@@ -3541,6 +3597,8 @@ export interface components {
              * @description The robot's sequence number of the reading.
              */
             seq?: number | null;
+            /** @description Shear in pascal, as sent: two values for each taxel; null if not sent. */
+            shear?: (number[] | null)[] | null;
             stamp?: components["schemas"]["Stamp"] | null;
             written_by?: components["schemas"]["Writer"] | null;
         };
@@ -3839,6 +3897,8 @@ export interface components {
              * @description The robot's sequence number of the reading.
              */
             seq?: number | null;
+            /** @description Shear in pascal, as sent: two values for each taxel; null if not sent. */
+            shear?: (number[] | null)[] | null;
             stamp?: components["schemas"]["Stamp"] | null;
             written_by?: components["schemas"]["Writer"] | null;
         };
@@ -3934,7 +3994,10 @@ export interface components {
             /** @description State of the taxel. */
             state: components["schemas"]["TaxelState"];
         };
-        /** @description A rectangular grid of square taxels. */
+        /**
+         * @description A rectangular grid of square taxels. A single taxel or a single row has no image of a surface:
+         *     readings of it give a position and a rough direction only.
+         */
         TaxelGrid: {
             /**
              * Format: int32
@@ -4143,7 +4206,7 @@ export interface components {
          * @description Kind of a warning.
          * @enum {string}
          */
-        WarningCode: "pressure_unit" | "pressure_low" | "not_tared" | "saturated" | "position_unit" | "position_far" | "positions_apart" | "object_large" | "object_small" | "sizes_differ" | "few_touches" | "objects_skipped";
+        WarningCode: "pressure_unit" | "pressure_low" | "not_tared" | "saturated" | "position_unit" | "position_far" | "positions_apart" | "object_large" | "object_small" | "sizes_differ" | "few_touches" | "objects_skipped" | "contact_ignored" | "shear_ignored";
         /** @description The caller, as the server identifies it. */
         Whoami: {
             key?: components["schemas"]["ApiKey"] | null;
