@@ -24,6 +24,7 @@ use crate::report::{Outcome, Progress};
 use crate::restart::{self, Restart};
 use crate::server_throughput::{self, ServerThroughput};
 use crate::sim_to_real::{self, SimToReal};
+use crate::skins::{self, Skins};
 use crate::solid_geometry::{self, SolidGeometry};
 use crate::surface_noise::{self, SurfaceNoise};
 use crate::surface_objects::{self, SurfaceObjects};
@@ -79,6 +80,8 @@ pub enum Experiment {
     OtherPhysics(OtherPhysics),
     /// Trained from meshes, tested with other coverings, stiffness and tool centres.
     OtherWorlds(OtherWorlds),
+    /// Touches to recognise by arrays, a row, a single taxel, and contacts without an image.
+    Skins(Skins),
     /// Noise, errors of the arm's pose, moving objects, and sensors other than in training.
     SurfaceNoise(SurfaceNoise),
     /// Accuracy with fewer touches kept of each object, farthest first and at random.
@@ -132,6 +135,7 @@ impl Experiment {
             Self::Unknown(config) => unknown::run(config, progress),
             Self::OtherPhysics(config) => other_physics::run(config, progress),
             Self::OtherWorlds(config) => other_worlds::run(config, progress),
+            Self::Skins(config) => skins::run(config, progress),
             Self::SurfaceNoise(config) => surface_noise::run(config, progress),
             Self::Thinning(config) => thinning::run(config, progress),
             Self::SolidGeometry(config) => solid_geometry::run(config, progress),

@@ -148,6 +148,16 @@ fn candidates(config: &SurfaceScale, wanted: usize) -> anyhow::Result<Vec<TestOb
     Ok(in_order(first, pool, letters))
 }
 
+/// More than `n` objects of our own in the order in which catalogues take them, so that some may
+/// be left out: the public benchmark, letters and procedural ones.
+///
+/// # Errors
+/// When an object cannot be made.
+pub(crate) fn own_objects(n: usize, size: f64) -> anyhow::Result<Vec<TestObject>> {
+    let first = objects::generated(&shapes::PUBLIC_NAMES, size)?;
+    Ok(in_order(first, own::letters(size)?, own::procedural(n, size)?))
+}
+
 /// The first objects, then the others in an order drawn once for all seeds.
 fn in_order(
     mut first: Vec<TestObject>,

@@ -229,15 +229,16 @@ pub struct SensorDescription {
     pub ranges: Option<SensorRanges>,
 }
 
-/// A rectangular grid of square taxels.
+/// A rectangular grid of square taxels. A single taxel or a single row has no image of a surface:
+/// readings of it give a position and a rough direction only.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TaxelGrid {
     /// Number of rows, along +y.
-    #[schema(minimum = 2, maximum = 128, example = 6)]
+    #[schema(minimum = 1, maximum = 128, example = 6)]
     pub rows: u32,
     /// Number of columns, along +x.
-    #[schema(minimum = 2, maximum = 128, example = 6)]
+    #[schema(minimum = 1, maximum = 128, example = 6)]
     pub cols: u32,
     /// Distance between the centres of neighbouring taxels, in metres.
     #[schema(example = 0.002)]

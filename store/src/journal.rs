@@ -33,6 +33,7 @@ const RETRACTIONS_PER_SCAN: usize = 1024;
 
 /// Content of a journal's entry.
 #[derive(Clone, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "nearly all entries are readings")]
 pub enum Event {
     /// A reading.
     Reading(StoredReading),

@@ -121,9 +121,10 @@ mod tests {
     use crate::descriptor::test_support::{any_image, blob, check_descriptor, mirrored};
 
     #[test]
-    fn every_shape_from_2_to_128_can_be_described() {
-        let shapes = [(2, 2), (2, 3), (3, 2), (5, 5), (6, 6), (6, 8), (28, 50), (128, 3), (2, 128)];
-        for (rows, cols) in shapes {
+    fn every_shape_from_1_to_128_can_be_described() {
+        let areas = [(2, 2), (2, 3), (3, 2), (5, 5), (6, 6), (6, 8), (28, 50), (128, 3), (2, 128)];
+        let rows = [(1, 2), (1, 8), (8, 1), (1, 128), (128, 1)];
+        for (rows, cols) in areas.into_iter().chain(rows) {
             let pressures = (0..rows * cols).map(|n| ((n * n) % 11) as f64 * 500.0).collect();
             check_descriptor(&TactileImage { rows, cols, pressures });
         }

@@ -30,6 +30,13 @@ impl TaxelGrid {
         self.rows * self.cols
     }
 
+    /// Whether the taxels fill an area: at least two rows and two columns. A single taxel or a
+    /// single row has no image of a surface, and cannot tell how the surface lies.
+    #[must_use]
+    pub fn is_area(&self) -> bool {
+        self.rows > 1 && self.cols > 1
+    }
+
     /// The centre of a taxel in the sensor frame's plane, metres: (x, y).
     #[must_use]
     pub fn center(&self, row: usize, col: usize) -> (f64, f64) {
@@ -122,7 +129,7 @@ pub struct SensorDescription(SensorParameters);
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum SensorError {
     /// A count of rows or columns is out of range.
-    #[error("{field} is {found}, expected 2 to 128")]
+    #[error("{field} is {found}, expected 1 to 128")]
     Count {
         /// The parameter's name.
         field: &'static str,
@@ -182,7 +189,7 @@ impl SensorDescription {
     pub fn new(parameters: SensorParameters) -> Result<Self, SensorError> {
         let grid = &parameters.grid;
         for (field, found) in [("rows", grid.rows), ("cols", grid.cols)] {
-            if !(2..=128).contains(&found) {
+            if !(1..=128).contains(&found) {
                 return Err(SensorError::Count { field, found });
             }
         }

@@ -10,13 +10,6 @@ use crate::model::appearance::AppearanceSpace;
 use crate::observe::press_space::{Miss, PressSpace};
 use crate::observe::touch::{Touch, observe_contact, observe_touch};
 
-/// A sensor on a robot.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Tool {
-    sensor: SensorId,
-    robot: Option<u32>,
-}
-
 /// A press with its sensor, or a contact without an image.
 #[derive(Clone, Copy)]
 pub(super) enum Given<'a> {
@@ -24,7 +17,21 @@ pub(super) enum Given<'a> {
     Contact(&'a PointContact),
 }
 
+/// A sensor on a robot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Tool {
+    sensor: SensorId,
+    robot: Option<u32>,
+}
+
 impl Given<'_> {
+    /// The tool that pressed; `None` for a contact, which states its own place.
+    pub(super) fn tool(&self) -> Option<Tool> {
+        let Self::Press(reading, _) = self else { return None };
+        let robot = reading.base().map(|base| base.robot);
+        Some(Tool { sensor: reading.sensor(), robot })
+    }
+
     /// The touch; `None` for a miss.
     pub(super) fn touch(&self, space: &AppearanceSpace) -> Option<Touch> {
         match self {
@@ -39,15 +46,6 @@ impl Given<'_> {
             Self::Press(reading, _) => reading.base(),
             Self::Contact(contact) => contact.base(),
         }
-    }
-
-    /// The sensor and its robot.
-    pub(super) fn tool(&self) -> Tool {
-        let sensor = match self {
-            Self::Press(reading, _) => reading.sensor(),
-            Self::Contact(contact) => contact.sensor(),
-        };
-        Tool { sensor, robot: self.base().map(|base| base.robot) }
     }
 
     /// The space that a touch shows.

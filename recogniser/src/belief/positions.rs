@@ -5,6 +5,8 @@
 //! patches with the triangle's sides are laid onto it, the other touches judge by a wide kernel,
 //! and the best few are refined. Equation R10a of docs/recogniser.md.
 
+use std::ops::ControlFlow;
+
 use glam::{Mat3, Quat, Vec3};
 
 use super::object::{ObjectBelief, for_each_object};
@@ -25,6 +27,15 @@ const PATCHES: usize = 160;
 
 /// Cap on the triples of an object that are tried.
 const TRIPLES_MAX: usize = 40_000;
+
+/// Objects from which a catalogue is large: each gets less work.
+const MANY: usize = 64;
+
+/// [`PATCHES`] in a large catalogue.
+const PATCHES_IF_MANY: usize = 80;
+
+/// [`TRIPLES_MAX`] in a large catalogue.
+const TRIPLES_MAX_IF_MANY: usize = 4_000;
 
 /// Poses that are left for the slower steps.
 const KEPT: usize = 24;
@@ -56,12 +67,16 @@ pub(super) fn propose_by_positions(
     scope: &Scope,
 ) {
     let Some(three) = widest(evidence.touches) else { return };
+    let effort = match objects.len() {
+        0..MANY => (PATCHES, TRIPLES_MAX),
+        _ => (PATCHES_IF_MANY, TRIPLES_MAX_IF_MANY),
+    };
     for_each_object(objects, evidence.maps, evidence.stop, |object, map| {
         if !scope.has(object) {
             return;
         }
         let known = object.known(map);
-        let mut new = coarse(map, evidence, three);
+        let mut new = coarse(map, evidence, three, effort);
         for hypothesis in &mut new {
             let score = evidence.score(known, &hypothesis.inverse_pose(), f32::NEG_INFINITY);
             hypothesis.score = score.unwrap_or(f32::NEG_INFINITY);
@@ -88,10 +103,16 @@ fn widest(touches: &[Observation]) -> Option<[usize; 3]> {
 }
 
 /// The best poses of an object that lay three of its patches onto three touches, roughly refined.
-fn coarse(map: &SurfaceMap, evidence: &Evidence<'_>, three: [usize; 3]) -> Vec<Hypothesis> {
+/// `n_patches` and `n_triples` bound the work.
+fn coarse(
+    map: &SurfaceMap,
+    evidence: &Evidence<'_>,
+    three: [usize; 3],
+    (n_patches, n_triples): (usize, usize),
+) -> Vec<Hypothesis> {
     let touches = evidence.touches;
     let patches: Vec<Vec3> =
-        map.patches().iter().take(PATCHES).map(|patch| patch.position).collect();
+        map.patches().iter().take(n_patches).map(|patch| patch.position).collect();
     // A part of n patches of N lies √(N/n) times as far apart.
     let thinner = (map.patches().len() as f32 / patches.len().max(1) as f32).sqrt();
     let coarse = COARSE_SPACINGS * map.spacing() * thinner;
@@ -102,6 +123,7 @@ fn coarse(map: &SurfaceMap, evidence: &Evidence<'_>, three: [usize; 3]) -> Vec<H
         if let Some(pose) = laid(three.map(|index| touches[index].position), stored) {
             poses.push((pose, 0.0f32));
         }
+        if poses.len() < n_triples { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     });
     // The touches that did not propose judge first: the three fit by construction.
     let others = (0..touches.len()).filter(|index| !three.contains(index));
@@ -137,13 +159,13 @@ fn keep_best(poses: &mut Vec<(Hypothesis, f32)>, n: usize) {
 }
 
 /// Calls `found` with the places of every ordered triple of patches whose sides are those of the
-/// three touches, up to [`TRIPLES_MAX`].
+/// three touches, until it breaks.
 fn triples(
     patches: &[Vec3],
     touches: &[Observation],
     three: [usize; 3],
     coarse: f32,
-    mut found: impl FnMut([Vec3; 3]),
+    mut found: impl FnMut([Vec3; 3]) -> ControlFlow<()>,
 ) {
     let side = |a: usize, b: usize| {
         let (a, b) = (&touches[three[a]], &touches[three[b]]);
@@ -154,16 +176,13 @@ fn triples(
     let fits = |a: Vec3, b: Vec3, (distance, tolerance): (f32, f32)| {
         (a.distance(b) - distance).abs() <= tolerance
     };
-    let mut n = 0;
     for a in patches {
         // Those at the third corner's distance from the first, for all second corners.
         let thirds: Vec<Vec3> =
             patches.iter().copied().filter(|c| fits(*a, *c, sides[1])).collect();
         for b in patches.iter().filter(|b| fits(*a, **b, sides[0])) {
             for c in thirds.iter().filter(|c| fits(*b, **c, sides[2])) {
-                found([*a, *b, *c]);
-                n += 1;
-                if n >= TRIPLES_MAX {
+                if found([*a, *b, *c]).is_break() {
                     return;
                 }
             }
@@ -229,6 +248,7 @@ mod tests {
                 assert!((found - expected).abs() < 0.001 + 1e-6);
             }
             exact |= stored == [5, 40, 90].map(|n: usize| patches[n]);
+            ControlFlow::Continue(())
         });
         assert!(exact, "the true one is among them");
     }

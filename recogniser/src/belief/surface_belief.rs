@@ -120,7 +120,10 @@ impl SurfaceBelief {
         spaces.push(given.space_of_touch(self.anchor).after(n + 1));
         let (space, scale) = (&self.common.model.space, &self.common.options.scale);
         let mut touch = Observation::new(&touch, self.anchor, space, scale).with_base(given.base());
-        if *self.first_tool.get_or_insert(given.tool()) != given.tool() {
+        // A contact without an image states its own place, whatever its tool's centre is.
+        if let Some(tool) = given.tool()
+            && *self.first_tool.get_or_insert(tool) != tool
+        {
             touch = touch.with_own_tool();
         }
         let touch = touch.weighed(self.rest.explained().touches);

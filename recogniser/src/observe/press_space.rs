@@ -12,8 +12,11 @@ use palpate_core::sensor::SensorDescription;
 
 use super::placement::kept;
 
-/// Points along each side of the array.
+/// Points along each side of the array, at most.
 const SIDE: usize = 4;
+
+/// Distance of these points, metres.
+const BETWEEN: f64 = 0.003;
 
 /// Share of the maximum below which taxels are free.
 const FREE: f64 = 0.1;
@@ -99,7 +102,9 @@ impl PressSpace {
         let image = reading.image();
         let behind = -(sensor.parameters().covering_thickness + BODY);
         let mut space = Self::new(Vec::new());
-        for (x, y, [low, high]) in samples(reading, sensor) {
+        // A single taxel or row does not show which part of it is pressed.
+        let shown = samples(reading, sensor).filter(|_| sensor.grid().is_area());
+        for (x, y, [low, high]) in shown {
             if high < FREE * image.max() {
                 space.free.push(place(x, y, 0.0));
             } else if low > PRESSED * image.max() {
@@ -138,11 +143,13 @@ fn samples(
 ) -> impl Iterator<Item = (f64, f64, [f64; 2])> {
     let (image, grid) = (reading.image(), sensor.grid());
     let (half_x, half_y) = half_sides(sensor);
-    let (reach_x, reach_y) = (half_x / SIDE as f64 + 1e-9, half_y / SIDE as f64 + 1e-9);
+    let points = |half: f64| ((2.0 * half / BETWEEN - 1e-9).ceil() as usize).clamp(1, SIDE);
+    let (n_x, n_y) = (points(half_x), points(half_y));
+    let (reach_x, reach_y) = (half_x / n_x as f64 + 1e-9, half_y / n_y as f64 + 1e-9);
     let half_pitch = 0.5 * grid.pitch + 1e-9;
-    (0..SIDE * SIDE).map(move |index| {
-        let share = |n: usize| (2 * n + 1) as f64 / SIDE as f64 - 1.0;
-        let (x, y) = (half_x * share(index % SIDE), half_y * share(index / SIDE));
+    (0..n_x * n_y).map(move |index| {
+        let share = |n: usize, of: usize| (2 * n + 1) as f64 / of as f64 - 1.0;
+        let (x, y) = (half_x * share(index % n_x, n_x), half_y * share(index / n_x, n_y));
         let mut range = [f64::INFINITY, f64::NEG_INFINITY];
         for taxel in 0..grid.n_taxels() {
             let (tx, ty) = grid.center(taxel / grid.cols, taxel % grid.cols);

@@ -12,11 +12,21 @@ use palpate_core::contact::touches;
 use palpate_core::contact::{CONTACT_SHARE, center_of_pressure};
 use palpate_core::reading::point_contact::PointContact;
 use palpate_core::reading::{Reading, TactileImage};
-use palpate_core::sensor::SensorDescription;
+use palpate_core::sensor::{SensorDescription, TaxelGrid};
 use palpate_core::units::MM;
 
 /// Area that a contact can press evenly, square metres; the rest of a larger array is in free air.
 const EVEN_AREA: f64 = 12.0 * MM * 12.0 * MM;
+
+/// Deviation (rad) of the surface's normal from the axis of a single taxel: a sensor that presses
+/// further off slides along the surface.
+const AXIS_DEVIATION: f64 = 0.6;
+
+/// The same for a single row of taxels, whose own pressures show how the surface lies along it.
+const ROW_DEVIATION: f64 = 0.43;
+
+/// Deviation of a place known to lie within a width of 1, evenly.
+const EVENLY: f64 = 0.289;
 
 /// What a contact without an image leaves open.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,6 +35,19 @@ pub struct PointDeviations {
     pub position: f64,
     /// Standard deviation of the normal about either axis, rad; `None` when no normal was felt.
     pub normal: Option<f64>,
+}
+
+impl PointDeviations {
+    /// What a press by a single taxel or a single row leaves open; `None` for an area of taxels.
+    /// Part of equation R1a.
+    fn of_grid(grid: &TaxelGrid) -> Option<Self> {
+        if grid.is_area() {
+            return None;
+        }
+        let is_single = grid.n_taxels() == 1;
+        let normal = if is_single { AXIS_DEVIATION } else { ROW_DEVIATION };
+        Some(Self { position: EVENLY * grid.pitch, normal: Some(normal) })
+    }
 }
 
 /// One press with contact, or one contact without an image.
@@ -75,6 +98,18 @@ pub fn observe_touch(
     }
     let image = reading.image();
     let session_from_sensor = reading.session_from_sensor();
+    if let Some(point) = PointDeviations::of_grid(sensor.grid()) {
+        return Some(Touch {
+            position: session_from_sensor * center_of_pressure(image, sensor),
+            normal: session_from_sensor.turn(DVec3::NEG_Z),
+            direction: session_from_sensor.turn(DVec3::X),
+            sensor_x: session_from_sensor.turn(DVec3::X),
+            elongation: 0.0,
+            evenness: 1.0,
+            feature: [0.0; N_AXES],
+            point: Some(point),
+        });
+    }
     let (direction, elongation) = stretch(image, sensor);
     Some(Touch {
         position: session_from_sensor * center_of_pressure(image, sensor),
@@ -153,6 +188,7 @@ mod tests {
     use palpate_core::descriptor::Descriptor as _;
     use palpate_core::pose::Pose;
     use palpate_core::reading::SensorId;
+    use palpate_core::sensor::SensorParameters;
     use palpate_core::vocabulary::discriminant::Discriminant;
 
     fn space(sensor: &SensorDescription) -> AppearanceSpace {
@@ -219,5 +255,30 @@ mod tests {
     #[test]
     fn a_press_that_touched_nothing_is_no_touch() {
         assert_eq!(touch_of(&["......"; 6], Pose::IDENTITY), None);
+    }
+
+    #[test]
+    fn single_taxels_and_rows_say_where_and_about_which_way() {
+        let six = SensorDescription::digitacts_6x6();
+        for (rows, cols, deviation) in [(1, 1, 0.6), (1, 8, 0.43), (8, 1, 0.43)] {
+            let grid = TaxelGrid { rows, cols, ..*six.grid() };
+            let parameters = SensorParameters { grid, ..six.parameters().clone() };
+            let sensor = SensorDescription::new(parameters).unwrap();
+            // The last taxel alone: 7 mm off the middle of eight.
+            let mut pressures = vec![Some(0.0); rows * cols];
+            pressures[rows * cols - 1] = Some(9_000.0);
+            let reading = Reading::new(SensorId(0), &sensor, &pressures, Pose::IDENTITY).unwrap();
+            let touch = observe_touch(&reading, &sensor, &space(&six)).unwrap();
+            let point = touch.point.unwrap();
+            assert_eq!(point.normal, Some(deviation));
+            // 2 mm / √12.
+            assert!((point.position - 0.577 * MM).abs() < 0.002 * MM, "{point:?}");
+            let (x, y) = grid.center(rows - 1, cols - 1);
+            assert!(touch.position.distance(DVec3::new(x, y, 0.0)) < 1e-12);
+            assert!(touch.elongation.abs() < 1e-12 && touch.normal == DVec3::NEG_Z);
+            let quiet = vec![Some(0.0); rows * cols];
+            let reading = Reading::new(SensorId(0), &sensor, &quiet, Pose::IDENTITY).unwrap();
+            assert_eq!(observe_touch(&reading, &sensor, &space(&six)), None);
+        }
     }
 }

@@ -105,7 +105,10 @@ pub(crate) fn propose(
             alike.push(Match { weight, patches: [first, second] });
         }
     });
-    keep_likeliest(&mut alike, effort.fitted);
+    // Without appearance all pairs are alike, and which of them fit only their geometry says.
+    if touches.iter().any(|touch| touch.says == Says::All) {
+        keep_likeliest(&mut alike, effort.fitted);
+    }
     let mut matches = Vec::with_capacity(alike.len());
     let mut total = 0.0;
     for Match { weight: appearance, patches: [first, second] } in alike {

@@ -31,6 +31,7 @@ mod next_touches;
 mod objects;
 mod order;
 mod removal;
+mod rows;
 mod sessions;
 mod sharing;
 mod site;

@@ -1554,6 +1554,11 @@ export interface components {
              *     `surface`, which assume that it is.
              */
             unknown?: number;
+            /**
+             * @description What all touches together suggest to be wrong, with the likeliest cause, such as a tool
+             *     centre that is off. With `surface` only.
+             */
+            warnings?: components["schemas"]["Warning"][];
         };
         /**
          * @description How much of the belief an answer contains.
@@ -4089,7 +4094,10 @@ export interface components {
             /** @description State of the taxel. */
             state: components["schemas"]["TaxelState"];
         };
-        /** @description A rectangular grid of square taxels. */
+        /**
+         * @description A rectangular grid of square taxels. A single taxel or a single row has no image of a surface:
+         *     readings of it give a position and a rough direction only.
+         */
         TaxelGrid: {
             /**
              * Format: int32
@@ -4299,7 +4307,7 @@ export interface components {
          * @description Kind of a warning.
          * @enum {string}
          */
-        WarningCode: "pressure_unit" | "pressure_low" | "not_tared" | "saturated" | "position_unit" | "position_far" | "positions_apart" | "object_large" | "object_small" | "sizes_differ" | "few_touches" | "objects_skipped" | "contact_ignored" | "shear_ignored";
+        WarningCode: "pressure_unit" | "pressure_low" | "not_tared" | "saturated" | "position_unit" | "position_far" | "sensor_shifted" | "positions_apart" | "object_large" | "object_small" | "sizes_differ" | "few_touches" | "objects_skipped" | "contact_ignored" | "shear_ignored";
         /** @description The caller, as the server identifies it. */
         Whoami: {
             key?: components["schemas"]["ApiKey"] | null;

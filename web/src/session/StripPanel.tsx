@@ -20,6 +20,8 @@ export function StripPanel({ model, selected, select }: Props) {
   const images = useMemo(
     () => readings.map((reading): Image | undefined => {
       const sensor = sensors.get(reading.sensor);
+      // A contact without an image has nothing to draw.
+      if (reading.contact) return undefined;
       return sensor && upright(sensor, reading.image as (number | null)[]);
     }),
     [readings, sensors],
@@ -77,5 +79,6 @@ function describe(reading: SessionReading, image: Image | undefined): string {
   const withdrawn = typeof reading.retracted_by === "number" ? ", retracted" : "";
   const by = reading.written_by;
   const writer = by ? `written with ${by.key_name ?? by.key_id}, ` : "";
-  return `${reading.robot ? `of ${reading.robot}, ` : ""}${writer}up to ${kPa(most)}${withdrawn}`;
+  const felt = reading.contact ? (reading.contact.touched === false ? "nothing touched" : "a contact") : `up to ${kPa(most)}`;
+  return `${reading.robot ? `of ${reading.robot}, ` : ""}${writer}${felt}${withdrawn}`;
 }

@@ -50,7 +50,19 @@ export function counts(reading: SessionReading, revision: number): boolean {
 function touches({ readings, revision, tints, sensors, selected }: Seen): TouchMark[] {
   return readings.flatMap((reading): TouchMark[] => {
     const sensor = sensors.get(reading.sensor);
-    if (!reading.pose || !counts(reading, revision)) return [];
+    if (!counts(reading, revision)) return [];
+    if (reading.contact) {
+      const { position, normal, touched } = reading.contact;
+      return [{
+        position: position as Vector,
+        // Without a normal the mark stands upright.
+        normal: (normal ?? [0, 0, 1]) as Vector,
+        color: bitsColor(tints.get(reading.number)),
+        selected: reading.number === selected,
+        contact: touched !== false,
+      }];
+    }
+    if (!reading.pose) return [];
     const image = sensor === undefined ? undefined : upright(sensor, reading.image as (number | null)[]);
     const centre = sensor === undefined || image === undefined ? null : centreOfPressure(sensor, image);
     const normal = rotate(reading.pose.orientation, [0, 0, -1]);
