@@ -50,6 +50,8 @@ pub enum Purpose {
     Assembly = 32,
     /// Times and kinds of a load's requests.
     Arrivals = 40,
+    /// Search of an object's pose in commissioning, and mistakes of its trials.
+    Commissioning = 50,
 }
 
 /// A reproducible stream of random numbers.

@@ -7,6 +7,7 @@ use clap::{Parser, Subcommand};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
+use crate::commissioning::{self, CommissioningTrials};
 use crate::consistency::{self, Consistency};
 use crate::contact_rates::{self, ContactRates};
 use crate::controllers::{self, Controllers};
@@ -82,6 +83,8 @@ pub enum Experiment {
     OtherWorlds(OtherWorlds),
     /// Touches to recognise by arrays, a row, a single taxel, and contacts without an image.
     Skins(Skins),
+    /// Mistakes of a set-up, found by twenty touches of a known object.
+    Commissioning(CommissioningTrials),
     /// Noise, errors of the arm's pose, moving objects, and sensors other than in training.
     SurfaceNoise(SurfaceNoise),
     /// Accuracy with fewer touches kept of each object, farthest first and at random.
@@ -136,6 +139,7 @@ impl Experiment {
             Self::OtherPhysics(config) => other_physics::run(config, progress),
             Self::OtherWorlds(config) => other_worlds::run(config, progress),
             Self::Skins(config) => skins::run(config, progress),
+            Self::Commissioning(config) => commissioning::run(config, progress),
             Self::SurfaceNoise(config) => surface_noise::run(config, progress),
             Self::Thinning(config) => thinning::run(config, progress),
             Self::SolidGeometry(config) => solid_geometry::run(config, progress),

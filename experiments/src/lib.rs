@@ -36,6 +36,7 @@ pub mod letters_appearance;
 pub mod noise;
 pub mod other_physics;
 pub mod other_worlds;
+pub mod commissioning;
 pub mod perturbation;
 pub mod ppf_peer;
 pub mod real_frames;

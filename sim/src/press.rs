@@ -24,7 +24,7 @@ use palpate_core::units::MM;
 
 use crate::mesh::Mesh;
 use crate::noise::{Electronics, NoiseLevel, taxel_gains};
-use crate::surface::Surface;
+use crate::surface::{Surface, SurfacePoint};
 use bvh::Bvh;
 use covering::Covering;
 pub use heights::HeightMap;
@@ -284,6 +284,18 @@ impl PressSimulator {
         let pressures: Vec<Option<f64>> = pressures.iter().copied().map(Some).collect();
         Reading::new(id, &self.row_major_sensor, &pressures, pose)
             .expect("a simulated image has the sensor's shape and finite pressures")
+    }
+
+    /// The point of the object's surface nearest to a point (metres), and the outward unit normal
+    /// of its triangle.
+    #[must_use]
+    pub fn nearest(&self, point_in_object: DVec3) -> (DVec3, DVec3) {
+        self.object.bvh.nearest(point_in_object)
+    }
+
+    /// A point drawn from the object's surface by area.
+    pub fn draw_point(&self, stream: &mut Stream) -> SurfacePoint {
+        self.object.surface.draw(None, stream)
     }
 
     /// Whether the open segment between two points (metres) is free of the object.

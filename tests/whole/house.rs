@@ -14,7 +14,7 @@ const STOREYS: [&[&str]; 8] = [
     &["palpate-core", "palpate-schemas"],
     &["palpate-dissertation", "palpate-recogniser"],
     &["palpate-sim", "palpate-store", "palpate-client"],
-    &["palpate-migrations", "palpate-load"],
+    &["palpate-migrations", "palpate-load", "palpate-commissioning"],
     &["palpate-server"],
     &["palpate-experiments"],
     &["palpate"],
@@ -29,6 +29,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("palpate-store", &["palpate-core", "palpate-dissertation", "palpate-recogniser"]),
     ("palpate-client", &["palpate-schemas"]),
     ("palpate-migrations", &["palpate-store"]),
+    ("palpate-commissioning", &["palpate-core", "palpate-sim"]),
     (
         "palpate-server",
         &[
@@ -37,6 +38,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "palpate-recogniser",
             "palpate-schemas",
             "palpate-sim",
+            "palpate-commissioning",
             "palpate-store",
             "palpate-migrations",
         ],
@@ -50,6 +52,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "palpate-recogniser",
             "palpate-schemas",
             "palpate-sim",
+            "palpate-commissioning",
             "palpate-client",
             "palpate-load",
             "palpate-server",
@@ -58,15 +61,16 @@ const MAY_USE: &[(&str, &[&str])] = &[
 ];
 
 /// The mathematical crates, without time and I/O.
-const MATHEMATICS: [&str; 3] = ["core", "dissertation", "recogniser"];
+const MATHEMATICS: [&str; 4] = ["core", "dissertation", "recogniser", "commissioning"];
 
 /// The crates whose modules use only those that `lib.rs` (`main.rs`) declares before them.
-const CRATES: [&str; 12] = [
+const CRATES: [&str; 13] = [
     "core",
     "dissertation",
     "recogniser",
     "schemas",
     "sim",
+    "commissioning",
     "store",
     "client",
     "migrations",
