@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_tool_centre_is_off_by_a_constant_in_the_sensor_s_frame() {
+    fn a_wrong_tool_centre_is_off_by_a_constant() {
         let tool = Disturbance::Tool { offset: 3.0 * MM };
         let mut turned = readings(2);
         turned[1] = turned[1].moved_by(Pose::from_parts(DQuat::from_rotation_y(2.0), DVec3::Z));
