@@ -16,3 +16,4 @@ mod order;
 mod covering;
 mod taxels;
 pub mod commission;
+pub mod passport;

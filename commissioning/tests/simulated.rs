@@ -9,6 +9,7 @@ use palpate_commissioning::commission::{
     CommissionError, Findings, ORDERS, PressureUnit, Setup, TaxelFault, commission,
 };
 use palpate_commissioning::estimate::Verdict;
+use palpate_commissioning::passport::Passport;
 use palpate_commissioning::touch::{
     PoseConvention, PoseDirection, PositionUnit, QuaternionOrder, SentTouch,
 };
@@ -88,6 +89,38 @@ fn a_driver_with_three_mistakes_is_corrected_without_the_pose() {
     assert_eq!(findings.image_order.value, ORDERS[1]);
     let expected = ["pressure_unit", "position_unit", "quaternion_order", "image_order"];
     assert_eq!(findings.wrong(), expected);
+}
+
+#[test]
+fn touches_corrected_by_a_passport_are_right() {
+    let object = hammer();
+    let convention = PoseConvention { quaternion: QuaternionOrder::Wxyz, ..PoseConvention::STATED };
+    let tool = Pose::from_parts(DQuat::IDENTITY, DVec3::new(0.0, 1.5, -3.0) * MM);
+    let mut touches = sent(&touched(&object, 9), convention, tool);
+    for touch in &mut touches {
+        touch.pressures = ORDERS[5].of_driver(&touch.pressures, 6, 6);
+    }
+    let passport = Passport::of(&found(&object, &touches, true), object.sensor());
+    assert!(!passport.changes_nothing(object.sensor()));
+    let corrected: Vec<SentTouch> =
+        touches.iter().map(|touch| passport.corrected(touch, object.sensor())).collect();
+    let findings = found(&object, &corrected, true);
+    assert_eq!(findings.wrong(), [""; 0]);
+    assert!(Passport::of(&findings, object.sensor()).changes_nothing(object.sensor()));
+    // The measured sensor explains the images without further changes of gain and spread.
+    let measured =
+        PressSimulator::new(object.mesh().clone(), passport.description(object.sensor()).unwrap());
+    let ordered: Vec<SentTouch> = touches
+        .iter()
+        .zip(&corrected)
+        .map(|(touch, right)| SentTouch { pressures: touch.pressures.clone(), ..right.clone() })
+        .collect();
+    let again = found(&measured, &ordered, true);
+    assert_eq!(again.wrong(), [""; 0]);
+    assert!((again.gain.value - 1.0).abs() < 0.2, "{:?}", again.gain);
+    let ranges = passport.ranges(object.sensor());
+    let (low, high) = ranges.spread_factor.unwrap();
+    assert!(ranges.check().is_ok() && low < 1.0 && high > 1.0 && high < 1.8, "{ranges:?}");
 }
 
 #[test]

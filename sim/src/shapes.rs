@@ -9,6 +9,7 @@ mod assembled;
 mod creatures;
 mod field;
 mod hard;
+mod reference;
 pub(crate) mod surface_nets;
 mod tools;
 mod vessels;
@@ -82,6 +83,18 @@ pub fn example(name: &str) -> Option<Mesh> {
     Some(mesh.translated(-centroid))
 }
 
+/// Names of the four reference bodies: a plate with a ridge, a sphere, a cube, a stepped wedge.
+pub const REFERENCE_NAMES: [&str; 4] = names(&reference::BODIES);
+
+/// The reference body of a name in [`REFERENCE_NAMES`]: closed, outward, in metres and at its own
+/// size, its surface's centroid at the origin. `None` for an unknown name.
+#[must_use]
+pub fn reference_body(name: &str) -> Option<Mesh> {
+    let mesh = meshed(reference::BODIES.iter().find(|body| body.name == name)?);
+    let centroid = mesh.centroid();
+    Some(mesh.translated(-centroid))
+}
+
 fn meshed(body: &Body) -> Mesh {
     let (vertices, triangles) = surface_nets::mesh(body.field, body.low, body.high, body.cell);
     let vertices = vertices.iter().map(|at| *at * MM).collect();
@@ -113,6 +126,19 @@ mod tests {
         names.dedup();
         assert_eq!(names.len(), PUBLIC_NAMES.len());
         assert!(example("teapot").is_none());
+    }
+
+    #[test]
+    fn reference_bodies_are_closed_and_have_their_sizes() {
+        let sizes = [[80.0, 60.0, 30.0], [40.0; 3], [50.0; 3], [80.0, 40.0, 35.0]];
+        for (name, size) in REFERENCE_NAMES.into_iter().zip(sizes) {
+            let mesh = reference_body(name).unwrap();
+            assert!(mesh.is_watertight() && mesh.signed_volume() > 0.0, "{name}");
+            let off = mesh.extent() / MM - DVec3::from_array(size);
+            assert!(off.abs().max_element() < 1.0, "{name}: {off}");
+            assert!((4_000..60_000).contains(&mesh.triangles().len()), "{name}");
+        }
+        assert!(reference_body("mug").is_none());
     }
 
     #[test]
