@@ -147,7 +147,10 @@ fn bodies(path: &str) -> Vec<Value> {
         ],
         "/v1/keys" => vec![json!({"name": "probing", "role": "viewer", "expires_in_s": 60})],
         "/v1/keys/{key}/rotate" => vec![json!({"grace_s": 1})],
-        "/v1/sensors" => vec![json!({"name": "made", "description": description()})],
+        "/v1/sensors" => vec![
+            json!({"name": "made", "description": description()}),
+            json!({"name": "made", "description": open_description(), "coupling": coupling()}),
+        ],
         "/v1/sensors/{sensor}/calibration" => vec![calibration()],
         "/v1/sensors/{sensor}/check" => vec![full(reading()), featured()],
         "/v1/sessions" => sessions(),
@@ -159,7 +162,8 @@ fn bodies(path: &str) -> Vec<Value> {
                 {"pose": reading()["pose"], "reach_m": 0.1, "cost": 1.0}]}),
         ],
         "/v1/objects/{object}/readings" | "/v1/sessions/{session}/readings" => {
-            vec![json!({"readings": [full(reading())]}), json!({"readings": [featured()]})]
+            let readings = [full(reading()), featured(), contact()];
+            readings.map(|reading| json!({"readings": [reading]})).to_vec()
         }
         _ => Vec::new(),
     }
@@ -218,6 +222,7 @@ fn full(mut reading: Value) -> Value {
     reading["seq"] = json!(7);
     reading["stamp"] = json!({"sec": 1, "nanosec": 5});
     reading["approach_m"] = json!(0.1);
+    reading["shear"] = json!([[1.0, 1.0]; 36]);
     reading["object_moved"] = json!({"position_m": 0.01, "angle_rad": 0.1});
     reading
 }
@@ -225,6 +230,12 @@ fn full(mut reading: Value) -> Value {
 /// A reading with the client's own feature.
 fn featured() -> Value {
     json!({"sensor": "probe", "image": [], "feature": [0.5, 0.25]})
+}
+
+/// A contact without an image.
+fn contact() -> Value {
+    json!({"sensor": "probe", "contact": {"position": [0.0, 0.0, 0.01], "position_deviation_m": 0.002,
+        "normal": [0.0, 0.0, 1.0], "normal_deviation_rad": 0.2, "force_n": 2.5}})
 }
 
 fn wire(sensor: &str, reading: &Reading) -> Value {
@@ -272,6 +283,21 @@ fn description() -> Value {
         "noise": 100.0, "quantisation": 78.125,
         "force_curve": [{"displacement": 0.0, "pressure": 0.0},
             {"displacement": 0.00254, "pressure": 20000.0}]})
+}
+
+/// A sensor whose coupling is stated and whose ranges replace the defaults.
+fn open_description() -> Value {
+    let range = |low: f64, high: f64| json!({"low": low, "high": high});
+    let mut open = description();
+    open["coupling"] = coupling();
+    open["ranges"] = json!({"spread_factor": range(0.5, 1.5), "margin": range(0.0, 0.004),
+        "cross_talk": range(0.0, 0.1), "stiffness": range(0.5, 2.0),
+        "stiffening": range(0.0, 1.0)});
+    open
+}
+
+fn coupling() -> Value {
+    json!({"margin": 0.002, "cross_talk": 0.05, "gain_spread": 0.02, "hysteresis": 0.05})
 }
 
 /// A training that presses a mesh with a sensor.
