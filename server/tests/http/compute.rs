@@ -9,7 +9,7 @@ use crate::geometry::{add_letters, presses, train};
 use crate::harness::{Harness, read};
 
 /// Long enough for any step of a test on a busy machine.
-const LONG: Duration = Duration::from_secs(60);
+const LONG: Duration = Duration::from_secs(180);
 
 /// Number of free slots of the compute pool.
 async fn places_free(it: &Harness) -> usize {
@@ -46,7 +46,7 @@ async fn computations_end_when_the_caller_has_gone() {
         .body(body.to_string());
     let begun = Instant::now();
     posted.send().await.expect_err("it takes longer than its caller waits");
-    // All of it takes twenty seconds or more.
+    // All of it takes twenty seconds or more, longer on a busy machine.
     while places_free(&it).await < all {
         assert!(begun.elapsed() < Duration::from_secs(15));
     }

@@ -222,7 +222,7 @@ fn full(mut reading: Value) -> Value {
     reading["seq"] = json!(7);
     reading["stamp"] = json!({"sec": 1, "nanosec": 5});
     reading["approach_m"] = json!(0.1);
-    reading["shear"] = json!([[1.0, 1.0]; 36]);
+    reading["shear"] = json!(vec![[1.0, 1.0]; 36]);
     reading["object_moved"] = json!({"position_m": 0.01, "angle_rad": 0.1});
     reading
 }
