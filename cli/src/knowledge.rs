@@ -13,5 +13,9 @@ pub(crate) fn meaning(knowledge: SensorKnowledge) -> &'static str {
             "meshes are pressed with many sensors that the description may stand for, so that \
              spread, edge and stiffness need not be known"
         }
+        SensorKnowledge::Unknown => {
+            "meshes are pressed with many sensors of the same grid, twice as different as a data \
+             sheet allows: recognition needs more touches"
+        }
     }
 }

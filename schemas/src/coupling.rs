@@ -80,6 +80,9 @@ pub enum SensorKnowledge {
     /// probabilities are calibrated with sensors that the training has not seen.
     #[default]
     DataSheet,
+    /// Only the grid is right; the other numbers are guesses. As `data_sheet`, with ranges about
+    /// twice as wide: recognition needs more touches.
+    Unknown,
 }
 
 impl SensorKnowledge {
@@ -89,12 +92,14 @@ impl SensorKnowledge {
         match self {
             Self::Measured => "measured",
             Self::DataSheet => "data_sheet",
+            Self::Unknown => "unknown",
         }
     }
 }
 
-/// What a description of `data_sheet` leaves open: trainings from meshes draw sensors from these
-/// ranges. A range in the request takes the place of the default.
+/// What a description of `data_sheet` or `unknown` leaves open: trainings from meshes draw sensors
+/// from these ranges. A range in the request takes the place of the default, which is stated for
+/// `data_sheet`; that of `unknown` is about twice as wide.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SensorRanges {

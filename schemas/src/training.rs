@@ -126,8 +126,8 @@ pub struct TrainingReport {
     #[serde(default)]
     pub uncalibrated_reason: Option<UncalibratedReason>,
     /// Trust in the description of the sensor that pressed the meshes: with `measured` the version
-    /// and its calibration hold for exactly the described sensor, with `data_sheet` for every
-    /// sensor that the data sheet may stand for. Null if no mesh was pressed, and for versions
+    /// and its calibration hold for exactly the described sensor, with `data_sheet` or
+    /// `unknown` for every sensor that the description may stand for. Null if no mesh was pressed, and for versions
     /// trained before this was reported, whose meshes were pressed as with `measured`.
     #[serde(default)]
     pub sensor_knowledge: Option<SensorKnowledge>,

@@ -27,12 +27,16 @@ pub enum SensorKnowledge {
     /// stiffness may differ.
     #[default]
     DataSheet,
+    /// Only the grid is right; the other numbers are guesses.
+    Unknown,
 }
 
 /// The sensors that a description may stand for.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SensorFamily {
     description: SensorDescription,
+    /// What draws differ from: the description, unless the sensor was measured.
+    pressing: SensorDescription,
     /// `None`: the description itself.
     ranges: Option<SensorRanges>,
 }
@@ -55,8 +59,22 @@ impl SensorFamily {
         let ranges = match knowledge {
             SensorKnowledge::Measured => None,
             SensorKnowledge::DataSheet => Some(SensorRanges::data_sheet(&description, stated)),
+            SensorKnowledge::Unknown => Some(SensorRanges::unknown(&description, stated)),
         };
-        Self { description, ranges }
+        Self { pressing: description.clone(), description, ranges }
+    }
+
+    /// The family of a sensor that was measured: `pressing` as it was found, with what the
+    /// measurement leaves open. Readings are still interpreted by the `description`, as those of
+    /// sessions are.
+    #[must_use]
+    pub fn measured(
+        description: SensorDescription,
+        pressing: SensorDescription,
+        open: &StatedRanges,
+    ) -> Self {
+        let ranges = Some(SensorRanges::data_sheet(&pressing, open));
+        Self { description, pressing, ranges }
     }
 
     /// What the description leaves open; `None` when that is nothing.
@@ -83,8 +101,8 @@ impl SensorFamily {
     /// Never: draws stay within the limits of a description.
     #[must_use]
     pub fn draw(&self, stream: &mut Stream) -> SensorDescription {
-        let Some(ranges) = &self.ranges else { return self.description.clone() };
-        let known = self.description.parameters().clone();
+        let Some(ranges) = &self.ranges else { return self.pressing.clone() };
+        let known = self.pressing.parameters().clone();
         let mut within = |(low, high): (f64, f64)| stream.uniform(low, high);
         let spread = known.point_spread * within(ranges.spread_factor);
         let margin = within(ranges.margin);
@@ -168,6 +186,21 @@ mod tests {
         let mut stream = Stream::new(3, Purpose::SensorFamily, 0);
         assert!(family.is_single());
         assert_eq!(family.draw(&mut stream), known);
+    }
+
+    #[test]
+    fn a_measured_family_presses_as_found_and_reads_as_described() {
+        let known = SensorDescription::digitacts_6x6();
+        let found = SensorParameters { point_spread: 1.0 * MM, ..known.parameters().clone() };
+        let found = SensorDescription::new(found).unwrap();
+        let open = StatedRanges { spread_factor: Some((0.9, 1.1)), ..StatedRanges::default() };
+        let family = SensorFamily::measured(known.clone(), found, &open);
+        assert_eq!(*family.description(), known);
+        let mut stream = Stream::new(3, Purpose::SensorFamily, 0);
+        for _ in 0..20 {
+            let spread = family.draw(&mut stream).parameters().point_spread;
+            assert!((0.9 * MM..=1.1 * MM).contains(&spread), "{spread}");
+        }
     }
 
     #[test]

@@ -61,15 +61,58 @@ pub struct StatedRanges {
     pub stiffening: Option<(f64, f64)>,
 }
 
+/// Ranges of a level of knowledge, for what is neither stated nor known. Units as in
+/// [`SensorRanges`], but the covering's extent counts in pitches.
+struct Open {
+    spread_factor: (f64, f64),
+    margin_pitches: f64,
+    cross_talk: (f64, f64),
+    stiffness: (f64, f64),
+    stiffening: (f64, f64),
+    gain_spread: f64,
+    hysteresis: f64,
+}
+
+/// What a data sheet leaves open. Chosen, without a measurement. A sheet states the thickness of
+/// a covering but not its spread: equation 2.5 holds for one material. It states neither the edge
+/// nor the stiffness: a factor of two each way, and up to 2.5 times as stiff at full indentation.
+/// Cross-talk, gains and hysteresis are what sheets call good to mediocre.
+const DATA_SHEET: Open = Open {
+    spread_factor: (0.3, 1.4),
+    margin_pitches: 4.0,
+    cross_talk: (0.0, 0.15),
+    stiffness: (0.5, 2.0),
+    stiffening: (0.0, 1.5),
+    gain_spread: 0.07,
+    hysteresis: 0.05,
+};
+
+/// What is open if only the grid is sure. Chosen: each range of [`DATA_SHEET`] about twice as
+/// wide, those of factors in their logarithm.
+const UNKNOWN: Open = Open {
+    spread_factor: (0.15, 2.0),
+    margin_pitches: 6.0,
+    cross_talk: (0.0, 0.25),
+    stiffness: (0.25, 4.0),
+    stiffening: (0.0, 3.0),
+    gain_spread: 0.15,
+    hysteresis: 0.1,
+};
+
 impl SensorRanges {
     /// The ranges of a description from a data sheet.
-    ///
-    /// Chosen, without a measurement. A sheet states the thickness of a covering but not its
-    /// spread: equation 2.5 holds for one material. It states neither the edge nor the stiffness:
-    /// a factor of two each way, and up to 2.5 times as stiff at full indentation. Cross-talk,
-    /// gains and hysteresis are what sheets call good to mediocre.
     #[must_use]
     pub fn data_sheet(description: &SensorDescription, stated: &StatedRanges) -> Self {
+        Self::of(description, stated, &DATA_SHEET)
+    }
+
+    /// The ranges of a description whose numbers are guesses, but for the grid.
+    #[must_use]
+    pub fn unknown(description: &SensorDescription, stated: &StatedRanges) -> Self {
+        Self::of(description, stated, &UNKNOWN)
+    }
+
+    fn of(description: &SensorDescription, stated: &StatedRanges, open: &Open) -> Self {
         let known = description.parameters().coupling;
         let above_zero = |number: f64| (number > 0.0).then_some(number);
         let point = |number: f64| (number, number);
@@ -78,15 +121,15 @@ impl SensorRanges {
         let margin = stated.margin.or(known.margin.map(point));
         let cross_talk = stated.cross_talk.or(above_zero(known.cross_talk).map(point));
         Self {
-            spread_factor: stated.spread_factor.unwrap_or((0.3, 1.4)),
+            spread_factor: stated.spread_factor.unwrap_or(open.spread_factor),
             kernels: stated.kernels.clone().or(kernel).unwrap_or(SpreadKernel::ALL.to_vec()),
-            margin: margin.unwrap_or((0.0, 4.0 * description.grid().pitch)),
+            margin: margin.unwrap_or((0.0, open.margin_pitches * description.grid().pitch)),
             edges: stated.edges.clone().or(edge).unwrap_or(CoveringEdge::ALL.to_vec()),
-            cross_talk: cross_talk.unwrap_or((0.0, 0.15)),
-            stiffness: stated.stiffness.unwrap_or((0.5, 2.0)),
-            stiffening: stated.stiffening.unwrap_or((0.0, 1.5)),
-            gain_spread: above_zero(known.gain_spread).unwrap_or(0.07),
-            hysteresis: above_zero(known.hysteresis).unwrap_or(0.05),
+            cross_talk: cross_talk.unwrap_or(open.cross_talk),
+            stiffness: stated.stiffness.unwrap_or(open.stiffness),
+            stiffening: stated.stiffening.unwrap_or(open.stiffening),
+            gain_spread: above_zero(known.gain_spread).unwrap_or(open.gain_spread),
+            hysteresis: above_zero(known.hysteresis).unwrap_or(open.hysteresis),
         }
     }
 }
@@ -167,6 +210,28 @@ mod tests {
         assert_eq!(ranges.cross_talk, (0.05, 0.2));
         assert_eq!(ranges.edges, [CoveringEdge::Continues]);
         assert_eq!(ranges.spread_factor, (0.3, 1.4));
+    }
+
+    #[test]
+    fn an_unknown_sensor_leaves_more_open_than_a_data_sheet() {
+        let known = SensorDescription::digitacts_6x6();
+        let none = StatedRanges::default();
+        let [sheet, unknown] =
+            [SensorRanges::data_sheet(&known, &none), SensorRanges::unknown(&known, &none)];
+        for (inner, outer) in [
+            (sheet.spread_factor, unknown.spread_factor),
+            (sheet.margin, unknown.margin),
+            (sheet.cross_talk, unknown.cross_talk),
+            (sheet.stiffness, unknown.stiffness),
+            (sheet.stiffening, unknown.stiffening),
+        ] {
+            let contains = outer.0 <= inner.0 && inner.1 < outer.1;
+            assert!(contains, "{inner:?} {outer:?}");
+        }
+        assert!(unknown.gain_spread > sheet.gain_spread);
+        let coupling = Coupling { margin: Some(1.0 * MM), ..Coupling::default() };
+        let ending = SensorRanges::unknown(&ending(coupling), &none);
+        assert_eq!(ending.margin, (1.0 * MM, 1.0 * MM), "a stated extent is known");
     }
 
     #[test]

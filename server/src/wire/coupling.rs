@@ -35,6 +35,7 @@ pub(crate) fn knowledge(known: core::SensorKnowledge) -> wire::SensorKnowledge {
     match known {
         core::SensorKnowledge::Measured => wire::SensorKnowledge::Measured,
         core::SensorKnowledge::DataSheet => wire::SensorKnowledge::DataSheet,
+        core::SensorKnowledge::Unknown => wire::SensorKnowledge::Unknown,
     }
 }
 
@@ -43,6 +44,7 @@ pub(crate) fn knowledge_of(given: wire::SensorKnowledge) -> core::SensorKnowledg
     match given {
         wire::SensorKnowledge::Measured => core::SensorKnowledge::Measured,
         wire::SensorKnowledge::DataSheet => core::SensorKnowledge::DataSheet,
+        wire::SensorKnowledge::Unknown => core::SensorKnowledge::Unknown,
     }
 }
 

@@ -70,7 +70,8 @@ struct RangesV1 {
 const KERNELS: [SpreadKernel; 2] = [SpreadKernel::Gaussian, SpreadKernel::Exponential];
 const EDGES: [CoveringEdge; 3] =
     [CoveringEdge::Continues, CoveringEdge::ConservesForce, CoveringEdge::LosesForce];
-const KNOWLEDGE: [SensorKnowledge; 2] = [SensorKnowledge::Measured, SensorKnowledge::DataSheet];
+const KNOWLEDGE: [SensorKnowledge; 3] =
+    [SensorKnowledge::Measured, SensorKnowledge::DataSheet, SensorKnowledge::Unknown];
 
 impl CouplingV1 {
     fn of(coupling: &Coupling) -> Self {
