@@ -1,23 +1,24 @@
 //! Trained from meshes, tested with sensors whose covering, stiffness or tool centre differ from
 //! the description.
 //!
-//! Two catalogues of the same objects play the same sessions in every world, with known and
-//! foreign objects. One is trained by the sensor exactly as described, which is how the service
-//! trains; the other by a family of sensors that one data sheet may stand for.
+//! Catalogues of the same objects play the same sessions in every world, with known and foreign
+//! objects: trained by the sensor exactly as described, by the family of sensors that one data
+//! sheet may stand for, by the wider family of an unknown sensor, and, for each world and tool
+//! centre, by the sensor that commissioning found there.
 
+mod commissioned;
 mod worlds;
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use anyhow::Context as _;
-use clap::Args;
+use clap::{Args, ValueEnum};
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::sensor::{SensorDescription, SensorFamily, SensorKnowledge};
 use palpate_core::symmetry::Symmetry;
 use palpate_core::units::MM;
 use palpate_recogniser::belief::calibrate::{self, HeldBack, calibrate};
-use palpate_recogniser::model::SurfaceModel;
 use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::SurfaceConfig;
 use palpate_sim::plot::{Line, Panel, svg};
@@ -36,6 +37,7 @@ use crate::played::Played;
 use crate::report::{Outcome, Progress, Report};
 use crate::stated::auroc;
 use crate::statistics::median;
+use commissioned::Commissioned;
 use worlds::World;
 
 /// Numbers of readings whose figures the summary states.
@@ -72,17 +74,62 @@ pub struct OtherWorlds {
     /// Worlds to test in; all unless given.
     #[arg(long, value_delimiter = ',')]
     pub worlds: Vec<String>,
+    /// How catalogues are trained.
+    #[arg(
+        long,
+        value_delimiter = ',',
+        value_enum,
+        default_value = "as_described,data_sheet,commissioned"
+    )]
+    pub methods: Vec<Method>,
 }
 
-/// A trained catalogue.
+/// Knowledge of the sensor in training.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "snake_case")]
+#[value(rename_all = "snake_case")]
+pub enum Method {
+    /// The sensor is as described.
+    AsDescribed,
+    /// The description is a data sheet.
+    DataSheet,
+    /// Only the grid is known.
+    Unknown,
+    /// The sensor was commissioned in each world.
+    Commissioned,
+}
+
+impl Method {
+    /// Its name in rows and keys.
+    fn name(self) -> &'static str {
+        match self {
+            Self::AsDescribed => "as_described",
+            Self::DataSheet => "data_sheet",
+            Self::Unknown => "unknown",
+            Self::Commissioned => "commissioned",
+        }
+    }
+
+    /// Trust in the description; `None` when it is measured in each world.
+    fn knowledge(self) -> Option<SensorKnowledge> {
+        match self {
+            Self::AsDescribed => Some(SensorKnowledge::Measured),
+            Self::DataSheet => Some(SensorKnowledge::DataSheet),
+            Self::Unknown => Some(SensorKnowledge::Unknown),
+            Self::Commissioned => None,
+        }
+    }
+}
+
+/// A catalogue for all worlds; `None` when each world has its own.
 struct Trained {
-    method: &'static str,
-    recogniser: Recogniser,
+    method: Method,
+    recogniser: Option<Recogniser>,
 }
 
 /// Sessions of one method in one world.
 struct Tried {
-    method: &'static str,
+    method: Method,
     world: String,
     tool_mm: f64,
     known: Played,
@@ -99,14 +146,14 @@ pub fn run(config: &OtherWorlds, progress: Progress<'_>) -> anyhow::Result<Outco
     let described = SensorDescription::digitacts_6x6();
     let symmetries = objects::symmetries(&objects);
     let mut trained = Vec::new();
-    for (method, knowledge) in
-        [("as_described", SensorKnowledge::Measured), ("data_sheet", SensorKnowledge::DataSheet)]
-    {
-        progress(method, 0, 1);
-        let family = SensorFamily::new(described.clone(), knowledge);
-        let model = train(config, &objects, &symmetries, &family)?;
-        let options = SurfaceOptions::default();
-        trained.push(Trained { method, recogniser: Recogniser::Surface { model, options } });
+    for method in config.methods.iter().copied() {
+        let train = |knowledge| {
+            progress(method.name(), 0, 1);
+            let family = SensorFamily::new(described.clone(), knowledge);
+            train(config, &objects, &symmetries, &family)
+        };
+        let recogniser = method.knowledge().map(train).transpose()?;
+        trained.push(Trained { method, recogniser });
     }
     let all = worlds::all(&described);
     let names: Vec<&str> = all.iter().map(|world| world.name).collect();
@@ -142,13 +189,14 @@ fn foreign(config: &OtherWorlds) -> anyhow::Result<Vec<TestObject>> {
     (0..config.foreign).map(of).collect()
 }
 
-/// Trains all objects by simulated presses of a family of sensors, and calibrates.
+/// A recogniser of all objects, trained by simulated presses of a family of sensors and
+/// calibrated.
 fn train(
     config: &OtherWorlds,
     objects: &[TestObject],
     symmetries: &[Symmetry],
     family: &SensorFamily,
-) -> anyhow::Result<Arc<SurfaceModel>> {
+) -> anyhow::Result<Recogniser> {
     let runs = calibrate::TRIALS.div_ceil(objects.len());
     let touched = |object: &TestObject| -> anyhow::Result<(Vec<Reading>, Vec<Reading>)> {
         let sensor = family.description().clone();
@@ -172,7 +220,8 @@ fn train(
     let sets: Vec<HeldBack<'_>> =
         held_back.iter().map(|readings| HeldBack { readings, sensor, run }).collect();
     let calibration = calibrate(&model, &sets, SurfaceOptions::default(), config.seed);
-    Ok(Arc::new(Arc::unwrap_or_clone(model).with_calibration(calibration)))
+    let model = Arc::new(Arc::unwrap_or_clone(model).with_calibration(calibration));
+    Ok(Recogniser::Surface { model, options: SurfaceOptions::default() })
 }
 
 /// Plays the sessions of one world with every method and every error of the tool centre.
@@ -193,31 +242,32 @@ fn try_in(
     let cases: Vec<(f64, &Trained)> =
         tools.flat_map(|tool| trained.iter().map(move |one| (tool, one))).collect();
     let play = |(tool_mm, trained): &(f64, &Trained)| {
-        let sessions = |test, symmetries, readings| Sessions {
-            sensor: described,
-            test,
-            symmetries,
-            seed: config.seed,
-            readings,
-            threads: 1,
-            disturbance: Disturbance::Tool { offset: tool_mm * MM },
+        let (method, offset) = (trained.method, tool_mm * MM);
+        let play = |recogniser: &Recogniser, known: &[_], others: &[_], disturbance| {
+            let sessions = |test, symmetries| Sessions {
+                sensor: described,
+                test,
+                symmetries,
+                seed: config.seed,
+                readings: config.readings,
+                threads: 1,
+                disturbance,
+            };
+            let silent: Progress<'_> = &|_, _, _| ();
+            let trials = config.trials * objects.len();
+            let known = sessions(known, symmetries);
+            let known = known.play(recogniser, objects.len(), trials, silent)?;
+            let others = sessions(others, &none);
+            let foreign = others.play(recogniser, foreign.len(), trials, silent)?;
+            Ok(Tried { method, world: world.name.to_owned(), tool_mm: *tool_mm, known, foreign })
         };
-        let silent: Progress<'_> = &|_, _, _| ();
-        let trials = config.trials * objects.len();
-        let known = sessions(&known, symmetries, config.readings).play(
-            &trained.recogniser,
-            objects.len(),
-            trials,
-            silent,
-        )?;
-        let foreign = sessions(&others, &none, config.readings).play(
-            &trained.recogniser,
-            foreign.len(),
-            trials,
-            silent,
-        )?;
-        let (method, world) = (trained.method, world.name.to_owned());
-        Ok(Tried { method, world, tool_mm: *tool_mm, known, foreign })
+        if let Some(recogniser) = &trained.recogniser {
+            return play(recogniser, &known, &others, Disturbance::Tool { offset });
+        }
+        let sensor = Commissioned::new(described, &world.sensing, offset, seed)?;
+        let recogniser = train(config, objects, symmetries, &sensor.family()?)?;
+        let (known, others) = (sensor.corrected(&known)?, sensor.corrected(&others)?);
+        play(&recogniser, &known, &others, Disturbance::None)
     };
     cases.par_iter().map(play).collect()
 }
@@ -256,14 +306,15 @@ impl Tried {
 
 fn report_one(report: &mut Report, config: &OtherWorlds, one: &Tried) {
     for readings in STATED_AT.into_iter().filter(|n| *n <= config.readings) {
-        let labels = [("world", one.world.as_str()), ("method", one.method)];
+        let labels = [("world", one.world.as_str()), ("method", one.method.name())];
         report.labelled(&labels, one.row(readings));
     }
 }
 
 /// The worst world of a method, with a right tool centre and with each wrong one.
-fn report_worst(report: &mut Report, config: &OtherWorlds, method: &str, tried: &[Tried]) {
-    let prefix = if method == "data_sheet" { String::new() } else { format!("{method}_") };
+fn report_worst(report: &mut Report, config: &OtherWorlds, method: Method, tried: &[Tried]) {
+    let is_data_sheet = method == Method::DataSheet;
+    let prefix = if is_data_sheet { String::new() } else { format!("{}_", method.name()) };
     let tools = std::iter::once(0.0).chain(config.tool_mm.iter().copied());
     for tool_mm in tools {
         let of_tool = |one: &&Tried| one.method == method && (one.tool_mm - tool_mm).abs() < 1e-9;
@@ -296,23 +347,24 @@ fn report_worst(report: &mut Report, config: &OtherWorlds, method: &str, tried: 
 }
 
 fn panels(config: &OtherWorlds, tried: &[Tried]) -> Vec<Panel> {
-    let panel = |title: &str, y: &str, method: &str, value: &dyn Fn(&Row) -> f64| {
+    let panel = |title: String, y: &str, method: Method, value: &dyn Fn(&Row) -> f64| {
         let of = |one: &&Tried| one.method == method && one.tool_mm < 1e-9;
         let line = |one: &Tried| Line {
             name: one.world.replace('_', " "),
             points: (1..=config.readings).map(|n| (n as f64, value(&one.row(n)))).collect(),
         };
         let lines = tried.iter().filter(of).map(line).collect();
-        Panel { title: title.to_owned(), x: "readings".to_owned(), y: y.to_owned(), lines }
+        Panel { title, x: "readings".to_owned(), y: y.to_owned(), lines }
     };
-    let accuracy = |row: &Row| row.accuracy;
-    let unknown = |row: &Row| row.unknown_mean;
-    vec![
-        panel("trained as described", "share right", "as_described", &accuracy),
-        panel("trained by a family", "share right", "data_sheet", &accuracy),
-        panel("none of these, as described", "mean probability", "as_described", &unknown),
-        panel("none of these, family", "mean probability", "data_sheet", &unknown),
-    ]
+    let of_method = |method: &Method| {
+        let name = method.name().replace('_', " ");
+        let none = format!("{name}: none of these");
+        [
+            panel(format!("{name}: right"), "share", *method, &|row| row.accuracy),
+            panel(none, "mean probability", *method, &|row| row.unknown_mean),
+        ]
+    };
+    config.methods.iter().flat_map(of_method).collect()
 }
 
 #[cfg(test)]
@@ -331,6 +383,7 @@ mod tests {
             readings: 4,
             tool_mm: vec![2.0],
             worlds: vec!["matched".to_owned(), "ends_normalised".to_owned()],
+            methods: vec![Method::AsDescribed, Method::DataSheet],
             ..defaults()
         };
         let outcome = run(&config, &|_, _, _| ()).unwrap();
