@@ -10,6 +10,10 @@ use serde_json::Value;
 /// Maximum time of an answer.
 const PATIENCE: Duration = Duration::from_secs(90);
 
+/// Time that an unused connection stays in a client's pool: much less than the time after which
+/// `hostile` expects the server to hold nothing, since a server leaves idle connections open.
+const POOLED: Duration = Duration::from_secs(15);
+
 /// Result of a request.
 #[derive(Debug)]
 pub(crate) enum Outcome {
@@ -41,15 +45,18 @@ impl Outcome {
 
 /// A client that never repeats a request by itself.
 pub(crate) fn client() -> anyhow::Result<Client> {
-    Client::builder().timeout(PATIENCE).build().context("cannot set up the HTTP client")
+    builder().build().context("cannot set up the HTTP client")
+}
+
+fn builder() -> reqwest::ClientBuilder {
+    Client::builder().timeout(PATIENCE).pool_idle_timeout(POOLED)
 }
 
 /// A client that sends a key with every request.
 pub(crate) fn client_with(key: &str) -> anyhow::Result<Client> {
     let bearer = HeaderValue::from_str(&format!("Bearer {key}")).context("a key is text")?;
     let headers = HeaderMap::from_iter([(AUTHORIZATION, bearer)]);
-    let builder = Client::builder().timeout(PATIENCE).default_headers(headers);
-    builder.build().context("cannot set up the HTTP client")
+    builder().default_headers(headers).build().context("cannot set up the HTTP client")
 }
 
 /// Sends a request; `body` as JSON.
