@@ -9,6 +9,7 @@ mod checkpoint;
 mod common;
 mod component;
 mod felt;
+mod misfit;
 mod motion;
 mod object;
 mod positions;
@@ -22,5 +23,6 @@ mod surface_belief;
 
 pub use checkpoint::NotCheckpoint;
 pub use common::prepare;
+pub use misfit::Misfit;
 pub use samples::PoseSample;
 pub use surface_belief::SurfaceBelief;

@@ -200,6 +200,14 @@ pub struct Explanation {
     pub revision: u32,
     /// The explained answer: the likeliest object, or "none of these".
     pub answer: ExplainedAnswer,
+    /// The known object that fits best, to which each reading's `misfit` refers: also when "none
+    /// of these" is likelier. Only with `surface`, from three touches on; null otherwise.
+    #[serde(default)]
+    pub nearest: Option<NearestObject>,
+    /// What speaks against the nearest object when the answer is "none of these", the objection of
+    /// most readings first; empty otherwise.
+    #[serde(default)]
+    pub against: Vec<Objection>,
     /// The readings that count, in the order of folding.
     pub readings: Vec<ReadingContribution>,
     /// Whether all readings were compared. False if time ran out: ask again.
@@ -215,6 +223,65 @@ pub struct ExplainedAnswer {
     pub name: Option<String>,
     /// Probability of the answer.
     pub probability: f64,
+}
+
+/// The known object that fits best.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct NearestObject {
+    /// Id of the object.
+    pub object: Uuid,
+    /// Name of the object when it was trained.
+    pub name: String,
+    /// Probability of the object.
+    pub probability: f64,
+}
+
+/// Something that speaks against the nearest object.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct Objection {
+    /// Kind of the objection, for programs; stable between releases.
+    pub code: ObjectionCode,
+    /// Numbers of the readings that object, in the order of folding.
+    pub readings: Vec<u32>,
+    /// What was found, and what its causes may be.
+    pub detail: String,
+}
+
+/// Kind of an objection.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ObjectionCode {
+    /// Touches lie above the object's surface.
+    AboveSurface,
+    /// Touches lie below the object's surface.
+    BelowSurface,
+    /// Touches lie away from all of the object's surface.
+    AwayFromSurface,
+    /// Touches feel another normal than the surface has there.
+    OtherNormal,
+    /// Images are unlike those of training at these places.
+    UnlikeImages,
+    /// The object fills space in which nothing was felt, or is missing where something was.
+    FreeSpace,
+}
+
+/// How a reading lies on the nearest object in its likeliest pose.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct ReadingMisfit {
+    /// Whether the reading touched something.
+    pub touched: bool,
+    /// Distance of the touch from the object's surface along its outward normal, in metres:
+    /// positive above it. Null if nothing was touched, and away from the surface.
+    pub height_m: Option<f64>,
+    /// Angle between the felt normal and that of the surface, in radians; null as for `height_m`,
+    /// and for a contact without a normal.
+    pub turn_rad: Option<f64>,
+    /// log2 of the image's likelihood at this place over that of a touch anywhere: negative if the
+    /// image is unlike those of training. Null as for `height_m`, and for a contact.
+    pub appearance_bits: Option<f64>,
+    /// Loss in bits, 0 or less, because the object fills space that was found free, or is missing
+    /// where something was felt.
+    pub free_space_bits: f64,
 }
 
 /// Contribution of one reading.
@@ -240,6 +307,10 @@ pub struct ReadingContribution {
     /// with `surface`, after three other touches and for readings since the object last moved; null
     /// otherwise.
     pub fit_bits: Option<f64>,
+    /// How the reading lies on the nearest object; null without one, and for readings before the
+    /// object last moved.
+    #[serde(default)]
+    pub misfit: Option<ReadingMisfit>,
     /// Whether the reading disagrees with the rest, given at least three readings. With `surface`:
     /// `fit_bits` is at most −8. With other methods: `support_bits` is at most −4.
     pub disagrees: bool,

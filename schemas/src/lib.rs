@@ -59,8 +59,9 @@ pub use geometry::{
 };
 pub use health::{Check, Compacted, Liveness, Readiness, Version};
 pub use history::{
-    BestObject, ExplainQuery, ExplainedAnswer, Explanation, ReadingContribution, ReadingRetracted,
-    Replay, ReplayQuery, ReplayStep, SessionChange, SessionReading, SessionReadingPage,
+    BestObject, ExplainQuery, ExplainedAnswer, Explanation, NearestObject, Objection,
+    ObjectionCode, ReadingContribution, ReadingMisfit, ReadingRetracted, Replay, ReplayQuery,
+    ReplayStep, SessionChange, SessionReading, SessionReadingPage,
 };
 pub use job::{Job, JobPage, JobStage, JobState};
 pub use method::Method;

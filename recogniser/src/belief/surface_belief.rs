@@ -22,7 +22,6 @@ use super::motion::{
 };
 use super::object::is_impossible;
 use super::posterior::{Explained, log_posterior};
-use super::predictive::log_predictive;
 use super::samples::{PoseSample, Posed, samples};
 use super::stage::Stage;
 use crate::model::SurfaceModel;
@@ -264,38 +263,6 @@ impl SurfaceBelief {
         samples(&self.common, &posed, &self.posterior(), n, stream)
     }
 
-    /// ln likelihood ratio of the reading under the object's current poses against a touch
-    /// anywhere; `None` before three touches have determined the poses.
-    #[must_use]
-    pub fn log_predictive(&self, reading: &Reading, sensor: &SensorDescription) -> Option<f64> {
-        self.predict(Given::Press(reading, sensor))
-    }
-
-    /// [`SurfaceBelief::log_predictive`] of a contact without an image.
-    #[must_use]
-    pub fn log_predictive_of_contact(&self, contact: &PointContact) -> Option<f64> {
-        self.predict(Given::Contact(contact))
-    }
-
-    fn predict(&self, given: Given<'_>) -> Option<f64> {
-        let rest = self.rest.explained();
-        if rest.stage != Stage::Poses {
-            return None;
-        }
-        let (space, scale) = (&self.common.model.space, &self.common.options.scale);
-        let touch = given.touch(space).map(|touch| {
-            Observation::new(&touch, self.anchor, space, scale).with_base(given.base())
-        });
-        let space = match touch {
-            Some(_) => given.space_of_touch(self.anchor),
-            None => given.miss().space(self.anchor),
-        };
-        let (touches, spaces): (Vec<_>, _) = (touch.into_iter().collect(), [space]);
-        let evidence = self.common.evidence(&touches, &spaces);
-        let objects = self.leading().explained().objects;
-        log_predictive(&evidence, objects, &self.posterior())
-    }
-
     /// The conclusions from the readings so far, as bytes, little-endian.
     #[must_use]
     pub fn checkpoint(&self) -> Vec<u8> {
@@ -387,5 +354,6 @@ impl SurfaceBelief {
     }
 }
 
+mod questions;
 #[cfg(test)]
 mod tests;

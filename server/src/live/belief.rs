@@ -22,7 +22,7 @@ use palpate_dissertation::geometric::{
     GeometricOptions, Marginals, PrintedFilter,
 };
 use palpate_dissertation::sva::{SvaBelief, SvaOptions};
-use palpate_recogniser::belief::SurfaceBelief;
+use palpate_recogniser::belief::{Misfit, SurfaceBelief};
 use palpate_recogniser::next_touch::{Ranking, rank};
 use palpate_schemas::{FieldError, Method};
 use palpate_store::entity::{Session, StoredReading};
@@ -242,6 +242,20 @@ impl SessionBelief {
             Felt::Contact(contact) => belief.log_predictive_of_contact(contact)?,
         };
         Some(log / std::f64::consts::LN_2)
+    }
+
+    /// How a reading lies on an object; `None` when the method or the object has no pose.
+    pub(crate) fn misfit(
+        &self,
+        object: ObjectIdx,
+        felt: &Felt,
+        sensor: &SensorDescription,
+    ) -> Option<Misfit> {
+        let Self::Surface(belief) = self else { return None };
+        match felt {
+            Felt::Press(reading) => belief.misfit(object, reading, sensor),
+            Felt::Contact(contact) => belief.misfit_of_contact(object, contact),
+        }
     }
 
     /// The belief as an answer with at most `n_modes` poses.

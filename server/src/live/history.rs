@@ -14,6 +14,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use palpate_core::belief::answer::Answer;
+use palpate_recogniser::belief::Misfit;
 use palpate_schemas as wire;
 use palpate_store::journal::Entry;
 
@@ -71,6 +72,8 @@ struct Comparison {
     without: Option<(SessionBelief, usize)>,
     /// Index of the first reading from which the object rests at its believed pose.
     resting: usize,
+    /// How each reading lies on the likeliest object.
+    misfits: Vec<Option<Misfit>>,
     /// The known beliefs without each reading.
     known: Vec<Without>,
 }
@@ -145,9 +148,14 @@ impl Live {
             };
             comparison = self.tools.pool.place()?.run_long(slice).await??;
         }
-        let Comparison { readings, whole, known, .. } = comparison;
-        let ids = readings.iter().map(|ready| (ready.number, ready.id.clone())).collect();
-        Ok(history::explanation(&self.session, revision, ids, &whole, &known, &self.model))
+        let Comparison { readings, whole, known, misfits, .. } = comparison;
+        let explained = readings.iter().zip(misfits).map(|(ready, misfit)| history::Explained {
+            number: ready.number,
+            id: ready.id.clone(),
+            misfit,
+        });
+        let explained = explained.collect();
+        Ok(history::explanation(&self.session, revision, explained, &whole, &known, &self.model))
     }
 
     /// The revision asked for, or else the newest. Refuses a future one.
@@ -235,7 +243,14 @@ impl Comparison {
         }
         let whole = belief.answer(0);
         let resting = readings.iter().rposition(|ready| ready.object_moved()).unwrap_or(0);
-        Ok(Self { folding, readings, whole, before, without: None, resting, known: Vec::new() })
+        let nearest = whole.best_object();
+        let misfit = |(at, ready): (usize, &Arc<Ready>)| {
+            let object = nearest.filter(|_| at >= resting)?;
+            belief.misfit(object, &ready.reading, &ready.sensor.description)
+        };
+        let misfits = readings.iter().enumerate().map(misfit).collect();
+        let (without, known) = (None, Vec::new());
+        Ok(Self { folding, readings, whole, before, without, resting, misfits, known })
     }
 
     fn is_complete(&self) -> bool {

@@ -1,6 +1,7 @@
 //! Conversion of a session's history: steps of a replay, and contributions of readings.
 
 use palpate_core::belief::answer::Answer;
+use palpate_recogniser::belief::Misfit;
 use palpate_schemas as wire;
 use palpate_schemas::Method;
 use palpate_store::entity::{ReadingId, Session};
@@ -8,7 +9,7 @@ use palpate_store::journal::{Entry, Event};
 
 use crate::model::Model;
 use crate::wire::session::options;
-use crate::wire::{count, time};
+use crate::wire::{count, misfit, time};
 
 /// Bits below a touch anywhere at which a reading does not fit the others' belief: a touch
 /// beside all mapped surface loses 6.6, its pattern of contact may lose 4.3 more.
@@ -35,6 +36,14 @@ pub(crate) struct Without {
     pub(crate) answer: Answer,
     /// log₂ likelihood ratio of the reading under that belief against a touch anywhere.
     pub(crate) fit_bits: Option<f64>,
+}
+
+/// A reading that is explained.
+pub(crate) struct Explained {
+    pub(crate) number: u32,
+    pub(crate) id: Option<ReadingId>,
+    /// How it lies on the likeliest object.
+    pub(crate) misfit: Option<Misfit>,
 }
 
 /// A journal entry, and the belief after it.
@@ -72,7 +81,7 @@ pub(crate) fn step(entry: &Entry, late: bool, answer: &Answer, model: &Model) ->
 pub(crate) fn explanation(
     session: &Session,
     revision: u64,
-    readings: Vec<(u32, Option<ReadingId>)>,
+    readings: Vec<Explained>,
     whole: &Answer,
     without: &[Without],
     model: &Model,
@@ -83,7 +92,21 @@ pub(crate) fn explanation(
     let best = most(&p);
     let object = model.objects.get(best);
     let complete = without.len() == readings.len();
-    let contribution = |(place, (number, id)): (usize, (u32, Option<ReadingId>))| {
+    let misfits: Vec<(u32, wire::ReadingMisfit)> = readings
+        .iter()
+        .filter_map(|reading| Some((reading.number, misfit::misfit(reading.misfit.as_ref()?))))
+        .collect();
+    let nearest = whole.best_object().filter(|_| !misfits.is_empty()).map(|nearest| {
+        let nearest = nearest.0 as usize;
+        let (known, probability) = (&model.objects[nearest], whole.probabilities[nearest]);
+        wire::NearestObject { object: known.id, name: known.name.clone(), probability }
+    });
+    let against = match &nearest {
+        Some(nearest) if object.is_none() => misfit::against(&nearest.name, &misfits),
+        _ => Vec::new(),
+    };
+    let contribution = |(place, reading): (usize, Explained)| {
+        let Explained { number, id, misfit } = reading;
         let (robot, seq) = id.map(|id| (id.robot, id.seq)).unzip();
         let q = without.get(place).map(|without| identities(&without.answer));
         let fit_bits = without.get(place).and_then(|without| without.fit_bits);
@@ -96,6 +119,7 @@ pub(crate) fn explanation(
             information_bits: q.as_ref().map(|q| divergence_bits(&p, q)),
             support_bits,
             fit_bits,
+            misfit: misfit.as_ref().map(misfit::misfit),
             disagrees: is_comparable && disagrees(method, fit_bits, support_bits),
         }
     };
@@ -107,6 +131,8 @@ pub(crate) fn explanation(
             name: object.map(|object| object.name.clone()),
             probability: p[best],
         },
+        nearest,
+        against,
         readings: readings.into_iter().enumerate().map(contribution).collect(),
         complete,
     }

@@ -130,6 +130,45 @@ async fn a_wrong_reading_is_named_and_few_in_a_clean_session() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn none_of_these_is_explained_by_what_speaks_against() {
+    let it = Harness::trained().await;
+    let clean = it.session(json!({})).await;
+    post(&it, &clean, &numbered(touches(BAR, 10, 120, resting_pose()))).await;
+    let explanation = explain(&it, &clean).await;
+    assert_eq!(explanation["nearest"]["name"], "bar");
+    assert_eq!(explanation["against"], json!([]));
+    let heights: Vec<f64> = explanation["readings"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|reading| reading["misfit"]["height_m"].as_f64().unwrap())
+        .collect();
+    assert!(heights.iter().all(|height| height.abs() < 2e-3), "{heights:?}");
+
+    // Positions in another unit: the touched object is larger than any of the catalogue.
+    let mut readings = numbered(touches(BAR, 10, 120, resting_pose()));
+    for coordinate in readings
+        .iter_mut()
+        .flat_map(|reading| reading["pose"]["position"].as_array_mut().unwrap().iter_mut())
+    {
+        *coordinate = json!(1.7 * coordinate.as_f64().unwrap());
+    }
+    let scaled = it.session(json!({})).await;
+    post(&it, &scaled, &readings).await;
+    let explanation = explain(&it, &scaled).await;
+    assert_eq!(explanation["answer"]["name"], Value::Null, "{explanation}");
+    assert!(explanation["nearest"]["name"].is_string());
+    let against = explanation["against"].as_array().unwrap();
+    let said: Vec<&str> = against.iter().map(|one| one["code"].as_str().unwrap()).collect();
+    let is_off = |code: &&str| ["away_from_surface", "above_surface"].contains(code);
+    assert!(said.iter().any(is_off), "{explanation}");
+    let objecting = against[0]["readings"].as_array().unwrap().len();
+    assert!(objecting >= 3, "{against:?}");
+    let detail = against[0]["detail"].as_str().unwrap();
+    assert!(detail.starts_with(&format!("{objecting} of 10 readings")), "{detail}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn contributions_equal_leaving_each_reading_out() {
     let it = Harness::trained().await;
     let training = json!({"readings_per_object": 60, "n_classes": 8, "seed": 3,

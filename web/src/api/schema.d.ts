@@ -2143,10 +2143,16 @@ export interface components {
         };
         /** @description Contribution of each reading to a belief, measured against the belief without it. */
         Explanation: {
+            /**
+             * @description What speaks against the nearest object when the answer is "none of these", the objection of
+             *     most readings first; empty otherwise.
+             */
+            against?: components["schemas"]["Objection"][];
             /** @description The explained answer: the likeliest object, or "none of these". */
             answer: components["schemas"]["ExplainedAnswer"];
             /** @description Whether all readings were compared. False if time ran out: ask again. */
             complete: boolean;
+            nearest?: components["schemas"]["NearestObject"] | null;
             /** @description The readings that count, in the order of folding. */
             readings: components["schemas"]["ReadingContribution"][];
             /**
@@ -2535,6 +2541,21 @@ export interface components {
             /** @description The name of the later object. */
             second: string;
         };
+        /** @description The known object that fits best. */
+        NearestObject: {
+            /** @description Name of the object when it was trained. */
+            name: string;
+            /**
+             * Format: uuid
+             * @description Id of the object.
+             */
+            object: string;
+            /**
+             * Format: double
+             * @description Probability of the object.
+             */
+            probability: number;
+        };
         /** @description A key with its secret, which is shown only once. */
         NewApiKey: {
             /** @description The key. */
@@ -2774,6 +2795,20 @@ export interface components {
             /** @description Probable mistakes in the training data, such as positions in millimetres or too few touches. */
             warnings?: components["schemas"]["Warning"][];
         };
+        /** @description Something that speaks against the nearest object. */
+        Objection: {
+            /** @description Kind of the objection, for programs; stable between releases. */
+            code: components["schemas"]["ObjectionCode"];
+            /** @description What was found, and what its causes may be. */
+            detail: string;
+            /** @description Numbers of the readings that object, in the order of folding. */
+            readings: number[];
+        };
+        /**
+         * @description Kind of an objection.
+         * @enum {string}
+         */
+        ObjectionCode: "above_surface" | "below_surface" | "away_from_surface" | "other_normal" | "unlike_images" | "free_space";
         /** @description The trained contact map of an object: where it generates contact. */
         OccupancyMap: {
             /**
@@ -3152,6 +3187,7 @@ export interface components {
              *     without the reading from the belief with it, including "none of these". Never negative.
              */
             information_bits?: number | null;
+            misfit?: components["schemas"]["ReadingMisfit"] | null;
             /**
              * Format: int32
              * @description Number of the reading within the session.
@@ -3170,6 +3206,35 @@ export interface components {
              *     from this reading. Odds are capped at 1024 to 1.
              */
             support_bits?: number | null;
+        };
+        /** @description How a reading lies on the nearest object in its likeliest pose. */
+        ReadingMisfit: {
+            /**
+             * Format: double
+             * @description log2 of the image's likelihood at this place over that of a touch anywhere: negative if the
+             *     image is unlike those of training. Null as for `height_m`, and for a contact.
+             */
+            appearance_bits?: number | null;
+            /**
+             * Format: double
+             * @description Loss in bits, 0 or less, because the object fills space that was found free, or is missing
+             *     where something was felt.
+             */
+            free_space_bits: number;
+            /**
+             * Format: double
+             * @description Distance of the touch from the object's surface along its outward normal, in metres:
+             *     positive above it. Null if nothing was touched, and away from the surface.
+             */
+            height_m?: number | null;
+            /** @description Whether the reading touched something. */
+            touched: boolean;
+            /**
+             * Format: double
+             * @description Angle between the felt normal and that of the surface, in radians; null as for `height_m`,
+             *     and for a contact without a normal.
+             */
+            turn_rad?: number | null;
         };
         /** @description Result of a retraction. */
         ReadingRetracted: {
@@ -3506,7 +3571,7 @@ export interface components {
          * @description Trust in a sensor's description, which decides how meshes are pressed in trainings.
          * @enum {string}
          */
-        SensorKnowledge: "measured" | "data_sheet";
+        SensorKnowledge: "measured" | "data_sheet" | "unknown";
         /** @description A page of sensors. */
         SensorPage: {
             /** @description The sensors, oldest first. */
@@ -3520,8 +3585,9 @@ export interface components {
          */
         SensorPreset: "digitacts-6x6" | "digitacts-6x6-thin" | "digitacts-6x8" | "fingertip-14x14" | "tekscan-26x26" | "xela-uskin-4x4" | "contactile-papillarray-3x3" | "pps-digitacts-6x4" | "gelsight-mini-18x24" | "digit-16x19";
         /**
-         * @description What a description of `data_sheet` leaves open: trainings from meshes draw sensors from these
-         *     ranges. A range in the request takes the place of the default.
+         * @description What a description of `data_sheet` or `unknown` leaves open: trainings from meshes draw sensors
+         *     from these ranges. A range in the request takes the place of the default, which is stated for
+         *     `data_sheet`; that of `unknown` is about twice as wide.
          */
         SensorRanges: {
             cross_talk?: components["schemas"]["NumberRange"] | null;

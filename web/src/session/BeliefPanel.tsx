@@ -33,6 +33,9 @@ export function BeliefPanel({ model }: { model: SessionModel }) {
   const turn = Math.hypot(sigma(3), sigma(4), sigma(5));
   return (
     <Panel title="Belief" aside={aside} class={isStale ? "stale" : ""}>
+      {(belief.warnings ?? []).map((warning) => (
+        <p class="note note-warn" key={warning.code} role="status">{warning.detail}</p>
+      ))}
       <ProbabilityBars of={shares(belief.objects, belief.unknown ?? 0, 6)} label="Likeliest objects" />
       <div class="belief-facts">
         <Facts

@@ -1,5 +1,5 @@
 // Contributions of the readings in bits, and the readings that disagree.
-import { bitsColor, percent, signedBits } from "../format";
+import { bitsColor, mm, percent, signedBits } from "../format";
 import { Loading, ProblemNote } from "../parts/Notes";
 import { Badge, Panel } from "../parts/Panel";
 import { useAction } from "../parts/useAction";
@@ -33,6 +33,14 @@ export function ExplainPanel({ model, selected, select }: Props) {
             {explanation.answer.name ?? "None of the known objects"} with {percent(explanation.answer.probability)}. Each
             reading adds this many bits to its probability (log2).
           </p>
+          {explanation.nearest && (explanation.against ?? []).length > 0 && (
+            <>
+              <p>What speaks against {explanation.nearest.name}, which fits best ({percent(explanation.nearest.probability)}):</p>
+              <ul class="objections">
+                {explanation.against!.map((one) => <li key={one.code}>{one.detail}.</li>)}
+              </ul>
+            </>
+          )}
           {model.coloring.value === "fit" && <p class="faint">Bars show how well each reading fits the others, because no single one changes the answer any more.</p>}
           {!explanation.complete && <p class="faint">Time ran out; some readings were not compared.</p>}
           <div class="scroll explain" tabIndex={0} role="region" aria-label="Contributions of readings">
@@ -43,6 +51,7 @@ export function ExplainPanel({ model, selected, select }: Props) {
                   <th scope="col"><span class="visually-hidden">As a bar</span></th>
                   <th scope="col" class="num">Bits</th>
                   <th scope="col" class="num">Fit</th>
+                  <th scope="col" class="num" title="Above the surface of the object that fits best">Height</th>
                   <th scope="col"><span class="visually-hidden">Retract</span></th>
                 </tr>
               </thead>
@@ -58,6 +67,7 @@ export function ExplainPanel({ model, selected, select }: Props) {
                     <td><Contribution bits={tints.get(one.number)} /></td>
                     <td class="num">{signedBits(one.bits)}</td>
                     <td class="num">{signedBits(one.fit_bits)}</td>
+                    <td class="num">{typeof one.misfit?.height_m === "number" ? mm(one.misfit.height_m) : "–"}</td>
                     <td class="row-end">
                       {one.disagrees && <Badge kind="disagrees">disagrees</Badge>}
                       {one.disagrees && isOpen && model.at.value === null && (

@@ -2,8 +2,8 @@
 
 use palpate_client::Client;
 use palpate_client::schemas::{
-    BeliefDetail, Explanation, PageQuery, ReadingRetracted, Replay, ReplayQuery, SessionChange,
-    SessionReading, SessionReadingPage, Writer,
+    BeliefDetail, Explanation, PageQuery, ReadingContribution, ReadingMisfit, ReadingRetracted,
+    Replay, ReplayQuery, SessionChange, SessionReading, SessionReadingPage, Writer,
 };
 use serde::Serialize;
 use uuid::Uuid;
@@ -176,8 +176,28 @@ fn change(change: &SessionChange) -> String {
 /// Contributions, one per line.
 pub(super) fn explanation_words(explanation: &Explanation) -> String {
     let shown = |bits: Option<f64>| bits.map(|bits| format!("{bits:+.2}")).unwrap_or_default();
+    let height = |m: &ReadingMisfit| m.height_m.map(|height| format!("{:+.1}", 1e3 * height));
+    let turn = |m: &ReadingMisfit| m.turn_rad.map(|turn| format!("{:.0}", turn.to_degrees()));
+    let image = |m: &ReadingMisfit| m.appearance_bits.map(|bits| format!("{bits:+.1}"));
+    let space = |m: &ReadingMisfit| Some(format!("{:.1}", m.free_space_bits));
+    let of = |reading: &ReadingContribution, value: &dyn Fn(&ReadingMisfit) -> Option<String>| {
+        reading.misfit.as_ref().and_then(value).unwrap_or_default()
+    };
     let rows = output::table(
-        ["number", "robot", "seq", "bits", "information", "support", "fit", ""],
+        [
+            "number",
+            "robot",
+            "seq",
+            "bits",
+            "information",
+            "support",
+            "fit",
+            "height mm",
+            "turn °",
+            "image",
+            "space",
+            "",
+        ],
         explanation.readings.iter().map(|reading| {
             [
                 reading.number.to_string(),
@@ -187,6 +207,10 @@ pub(super) fn explanation_words(explanation: &Explanation) -> String {
                 shown(reading.information_bits),
                 shown(reading.support_bits),
                 shown(reading.fit_bits),
+                of(reading, &height),
+                of(reading, &turn),
+                of(reading, &image),
+                of(reading, &space),
                 if reading.disagrees { "disagrees with the rest" } else { "" }.to_owned(),
             ]
         }),
@@ -195,5 +219,13 @@ pub(super) fn explanation_words(explanation: &Explanation) -> String {
     let name = answer.name.as_deref().unwrap_or(NONE_OF_THESE);
     let percent = answer.probability * 100.0;
     let rest = if explanation.complete { "" } else { "\n\ntime ran out before all were compared" };
-    format!("revision {}: {name}, {percent:.1} %\n\n{rows}{rest}", explanation.revision)
+    let nearest = explanation.nearest.as_ref().map_or(String::new(), |nearest| {
+        let percent = nearest.probability * 100.0;
+        let name = &nearest.name;
+        format!("\nheight, turn, image and space compare with {name}, {percent:.1} %")
+    });
+    let against: String =
+        explanation.against.iter().map(|objection| format!("\n- {}", objection.detail)).collect();
+    let revision = explanation.revision;
+    format!("revision {revision}: {name}, {percent:.1} %{nearest}{against}\n\n{rows}{rest}")
 }
