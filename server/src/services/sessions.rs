@@ -7,6 +7,7 @@
 //! that hangs up does not leave them half done.
 
 mod fits;
+mod health;
 mod life;
 mod listing;
 mod open;
