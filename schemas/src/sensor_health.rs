@@ -109,9 +109,10 @@ pub enum HealthCode {
 pub struct SensorRest {
     /// Number of presses of the newest days that met nothing.
     pub n_presses: u32,
-    /// Mean of each taxel.
+    /// Value of each taxel of late: the mean of its values, in which each counts a tenth less than
+    /// the next.
     pub pressures: Vec<Option<f64>>,
-    /// Change of each mean since the first days; null until there are enough days.
+    /// Change of each since its mean of the first days; null until there are enough days.
     pub changes: Option<Vec<Option<f64>>>,
     /// Standard deviation of each taxel.
     pub noise: Vec<Option<f64>>,

@@ -38,6 +38,14 @@ pub struct SensorDay {
     pub day: Day,
 }
 
+impl SensorDay {
+    /// Whether a session may still be counted.
+    #[must_use]
+    pub fn takes(&self, session: Uuid) -> bool {
+        self.sessions.len() < SESSIONS_MAX && self.sessions.binary_search(&session).is_err()
+    }
+}
+
 /// The days of all sensors.
 #[derive(Clone)]
 pub struct SensorDays {
@@ -80,10 +88,10 @@ impl SensorDays {
                     SensorDay { sensor, sessions: Vec::new(), day }
                 }
             };
-            let Err(place) = today.sessions.binary_search(&session) else { return Ok(false) };
-            if today.sessions.len() >= SESSIONS_MAX {
+            if !today.takes(session) {
                 return Ok(false);
             }
+            let place = today.sessions.partition_point(|counted| *counted < session);
             today.sessions.insert(place, session);
             today.day.merge(sums);
             let commit = pieces::put(commit, &head, &record::encode(&today), before.as_deref());
@@ -96,17 +104,14 @@ impl SensorDays {
         Err(StoreError::Changed { what: "days of sensor", id: sensor })
     }
 
-    /// Whether a session is counted on a sensor's day, or cannot be, as the day is full.
+    /// A day of a sensor.
     ///
     /// # Errors
     /// [`StoreError::Damaged`] and the engine's.
-    pub fn has(&self, sensor: Uuid, session: Uuid, day: u32) -> Result<bool, StoreError> {
+    pub fn find(&self, sensor: Uuid, day: u32) -> Result<Option<SensorDay>, StoreError> {
         let head = key::numbered(Space::SensorDay, sensor, u64::from(day));
-        let Some(bytes) = pieces::read(&*self.engine, Space::SensorDay, &head)? else {
-            return Ok(false);
-        };
-        let found = decoded(&bytes)?.sessions;
-        Ok(found.len() >= SESSIONS_MAX || found.binary_search(&session).is_ok())
+        let found = pieces::read(&*self.engine, Space::SensorDay, &head)?;
+        found.map(|bytes| decoded(&bytes)).transpose()
     }
 
     /// All days of a sensor, oldest first.

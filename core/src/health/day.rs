@@ -17,7 +17,7 @@ pub struct Day {
 }
 
 impl Day {
-    /// Adds the same day's sums of other sessions. Sums under an earlier calibration give way to
+    /// Adds the same day's sums of later sessions. Sums under an earlier calibration give way to
     /// those under a later one: its values at rest are others.
     pub fn merge(&mut self, other: &Self) {
         match self.calibration.cmp(&other.calibration) {

@@ -28,6 +28,9 @@ const ASKED_FLOORS: f64 = 4.0;
 /// Share of the neighbours' mean from which a taxel answers. Chosen: beyond the gains of usable
 /// taxels, and the corner of a contact.
 const ANSWER_SHARE: f64 = 0.25;
+/// Fading of earlier presses in a taxel's latest value. Chosen: it follows a drift within twenty
+/// presses, and is certain to a quarter of the noise.
+pub const FADING: f64 = 0.1;
 
 /// Sums of one taxel.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,8 +39,12 @@ pub struct TaxelSums {
     pub n_quiet: u32,
     /// Mean of its values in them, Pa.
     pub mean: f64,
-    /// Sum of squared deviations from that mean, Pa².
-    pub scatter: f64,
+    /// Its value of late: their mean with weights that fall by [`FADING`] a press, Pa.
+    pub latest: f64,
+    /// Number of pairs of successive presses that met nothing, within a session.
+    pub n_steps: u32,
+    /// Sum of their squared differences, Pa².
+    pub steps: f64,
     /// Number of presses that the taxels on both sides of it felt.
     pub n_asked: u32,
     /// Number of those that it felt too.
@@ -57,7 +64,9 @@ impl Default for TaxelSums {
         Self {
             n_quiet: 0,
             mean: 0.0,
-            scatter: 0.0,
+            latest: 0.0,
+            n_steps: 0,
+            steps: 0.0,
             n_asked: 0,
             n_answered: 0,
             own: 0.0,
@@ -69,11 +78,11 @@ impl Default for TaxelSums {
 }
 
 impl TaxelSums {
-    /// Standard deviation of its values in presses that met nothing, Pa; `None` for fewer than
-    /// two.
+    /// Standard deviation of its values at rest, Pa, from successive ones, so that drift adds
+    /// nothing; `None` without a pair.
     #[must_use]
     pub fn noise(&self) -> Option<f64> {
-        (self.n_quiet > 1).then(|| (self.scatter / f64::from(self.n_quiet - 1)).max(0.0).sqrt())
+        (self.n_steps > 0).then(|| (self.steps / (2.0 * f64::from(self.n_steps))).sqrt())
     }
 
     /// Ratio of its values to its neighbours'; `None` when they felt nothing.
@@ -82,19 +91,25 @@ impl TaxelSums {
         (self.around > 0.0).then(|| self.own / self.around)
     }
 
-    fn rest(&mut self, value: f64) {
-        self.merge(&Self { n_quiet: 1, mean: value, ..Self::default() });
+    fn rest(&mut self, value: f64, last: Option<f64>) {
+        let (n_steps, step) = last.map_or((0, 0.0), |last| (1, value - last));
+        let (mean, latest, steps) = (value, value, step * step);
+        self.merge(&Self { n_quiet: 1, mean, latest, n_steps, steps, ..Self::default() });
     }
 
-    /// Adds the sums of other presses.
+    /// Adds the sums of later presses.
     pub fn merge(&mut self, other: &Self) {
         let (n, m) = (f64::from(self.n_quiet), f64::from(other.n_quiet));
         if m > 0.0 {
-            let (apart, all) = (other.mean - self.mean, n + m);
-            self.mean += apart * m / all;
-            self.scatter += other.scatter + apart * apart * n * m / all;
+            self.mean += (other.mean - self.mean) * m / (n + m);
+            // The weights of n presses sum to 1 − (1 − FADING)ⁿ, times a constant.
+            let faded = (1.0 - FADING).powf(m);
+            let (before, now) = (faded * (1.0 - (1.0 - FADING).powf(n)), 1.0 - faded);
+            self.latest += (other.latest - self.latest) * now / (before + now);
         }
         self.n_quiet = self.n_quiet.saturating_add(other.n_quiet);
+        self.n_steps = self.n_steps.saturating_add(other.n_steps);
+        self.steps += other.steps;
         self.n_asked = self.n_asked.saturating_add(other.n_asked);
         self.n_answered = self.n_answered.saturating_add(other.n_answered);
         self.own += other.own;
@@ -116,18 +131,39 @@ pub struct PressSums {
 }
 
 impl PressSums {
+    /// Adds the sums of later presses of the same sensor.
+    pub fn merge(&mut self, other: &Self) {
+        self.n_presses = self.n_presses.saturating_add(other.n_presses);
+        self.n_quiet = self.n_quiet.saturating_add(other.n_quiet);
+        let n_taxels = self.taxels.len().max(other.taxels.len());
+        self.taxels.resize(n_taxels, TaxelSums::default());
+        self.taxels.iter_mut().zip(&other.taxels).for_each(|(sums, other)| sums.merge(other));
+    }
+}
+
+/// The presses of one session, in their order.
+#[derive(Clone, Debug, Default)]
+pub struct PressRun {
+    sums: PressSums,
+    /// Each taxel's last value at rest.
+    last: Vec<Option<f64>>,
+}
+
+impl PressRun {
     /// Adds a press of `sensor`. Its missing taxels say nothing.
     pub fn add(&mut self, reading: &Reading, sensor: &SensorDescription) {
-        let values = Values::of(reading, sensor);
-        self.taxels.resize(sensor.grid().n_taxels(), TaxelSums::default());
+        let (values, n_taxels) = (Values::of(reading, sensor), sensor.grid().n_taxels());
+        self.sums.taxels.resize(n_taxels, TaxelSums::default());
+        self.last.resize(n_taxels, None);
         let met_nothing = values.met_nothing();
-        self.n_presses = self.n_presses.saturating_add(1);
-        self.n_quiet = self.n_quiet.saturating_add(u32::from(met_nothing));
-        for (taxel, sums) in self.taxels.iter_mut().enumerate() {
+        self.sums.n_presses = self.sums.n_presses.saturating_add(1);
+        self.sums.n_quiet = self.sums.n_quiet.saturating_add(u32::from(met_nothing));
+        let taxels = self.sums.taxels.iter_mut().zip(&mut self.last);
+        for (taxel, (sums, last)) in taxels.enumerate() {
             let Some(value) = values.at(taxel) else { continue };
             (sums.low, sums.high) = (sums.low.min(value), sums.high.max(value));
             if met_nothing {
-                sums.rest(value);
+                sums.rest(value, last.replace(value));
             } else if let Some(around) = values.around(taxel) {
                 sums.n_asked = sums.n_asked.saturating_add(1);
                 let answers = value >= ANSWER_SHARE * around;
@@ -137,13 +173,10 @@ impl PressSums {
         }
     }
 
-    /// Adds the sums of other presses of the same sensor.
-    pub fn merge(&mut self, other: &Self) {
-        self.n_presses = self.n_presses.saturating_add(other.n_presses);
-        self.n_quiet = self.n_quiet.saturating_add(other.n_quiet);
-        let n_taxels = self.taxels.len().max(other.taxels.len());
-        self.taxels.resize(n_taxels, TaxelSums::default());
-        self.taxels.iter_mut().zip(&other.taxels).for_each(|(sums, other)| sums.merge(other));
+    /// Their sums.
+    #[must_use]
+    pub fn sums(&self) -> &PressSums {
+        &self.sums
     }
 }
 
@@ -247,7 +280,7 @@ mod tests {
 
     /// The sums of presses that are drawn: a digit is that many contact floors.
     fn sums(images: &[&str]) -> PressSums {
-        let mut sums = PressSums::default();
+        let mut run = PressRun::default();
         for image in images {
             let value = |c: char| match c {
                 'x' => None,
@@ -258,9 +291,9 @@ mod tests {
             let pressures: Vec<_> =
                 image.split_whitespace().flat_map(str::chars).map(value).collect();
             let reading = Reading::new(SensorId(1), &sensor(), &pressures, Pose::IDENTITY).unwrap();
-            sums.add(&reading, &sensor());
+            run.add(&reading, &sensor());
         }
-        sums
+        run.sums().clone()
     }
 
     #[track_caller]
@@ -324,13 +357,15 @@ mod tests {
         for (merged, whole) in merged.taxels.iter().zip(&whole.taxels) {
             assert_eq!((merged.n_quiet, merged.n_asked), (whole.n_quiet, whole.n_asked));
             assert!((merged.mean - whole.mean).abs() < 1e-9 * whole.mean.abs().max(1.0));
-            let scale = whole.scatter.max(1.0);
-            assert!((merged.scatter - whole.scatter).abs() < 1e-9 * scale);
+            assert!((merged.latest - whole.latest).abs() < 1e-9 * whole.mean.abs().max(1.0));
         }
-        // 9, 7 and 5 floors: the mean is 7, the standard deviation 2.
+        // 9, 7 and 5 floors: the mean is 7, the noise √((2² + 2²) / 2 / 2).
         let (taxel, floor) = (whole.taxels[2 * 6 + 2], contact_floor(&sensor()));
         assert!((taxel.mean / floor - 7.0).abs() < 1e-9);
-        assert!((taxel.noise().unwrap() / floor - 2.0).abs() < 1e-9);
+        assert!((taxel.noise().unwrap() / floor - 2.0_f64.sqrt()).abs() < 1e-9);
+        assert_eq!(merged.taxels[2 * 6 + 2].n_steps, 1, "none between sessions");
+        // Weights 0.81, 0.9 and 1: (7.29 + 6.3 + 5) / 2.71.
+        assert!((taxel.latest / floor - 18.59 / 2.71).abs() < 1e-9);
         assert_eq!(whole.taxels[5 * 6 + 2].n_quiet, 2, "a missing taxel says nothing");
     }
 }

@@ -1,7 +1,7 @@
 //! The judgement of a sensor's days: whether it is to be commissioned again, and why.
 //!
-//! The newest days are judged by themselves, and against the first days under the same
-//! calibration. A taxel at rest beyond the contact floor is felt as a contact, and a tool centre
+//! The newest days are judged by themselves, taxels at rest by their values of late, and against
+//! the first days under the same calibration. A taxel at rest beyond the contact floor is felt as a contact, and a tool centre
 //! that is a millimetre off is what a session warns of; half of either is worth watching.
 
 use super::day::Day;
@@ -19,10 +19,11 @@ const WINDOW_DAYS: usize = 3;
 /// as many sessions outvote one wrong one.
 const WINDOW_SESSIONS: u32 = 10;
 const WINDOW_SHIFT_DAYS: usize = 7;
-/// Number of presses that met nothing from which a taxel's rest is judged. Chosen: the mean is
-/// certain to a third of the noise, fifteen times better than the contact floor.
+/// Number of presses that met nothing from which a taxel's rest is judged. Chosen: its value of
+/// late is then certain to a third of the described noise, which is a fifteenth of the contact
+/// floor.
 const REST_MIN: u32 = 10;
-/// Number of presses that met nothing from which noise is judged. Derived: its estimate is then
+/// Number of pairs of successive presses that met nothing from which noise is judged. Derived: its estimate is then
 /// within a third at two deviations.
 const NOISE_MIN: u32 = 20;
 /// Number of presses that the neighbours felt from which a taxel's answers are judged. Chosen.
@@ -30,8 +31,7 @@ const ASKED_MIN: u32 = 10;
 /// Share of answers up to which a taxel is dead. Chosen: one contact in twenty may seem to be
 /// answered by noise and cross-talk.
 const ANSWERS_MAX: f64 = 0.05;
-/// Certainty of an offset or a shift, in standard deviations. Chosen: with hundreds of taxels
-/// less would be exceeded by chance.
+/// Certainty of a shift, in standard deviations. Chosen: as for the warning of a session.
 const DEVIATIONS_MIN: f64 = 4.0;
 /// Standard deviation of a taxel at rest, in contact floors. Derived: at 0.2 the floor is five
 /// deviations, as described; at 0.4 one press in 160 is felt where nothing is, by each taxel.
@@ -172,17 +172,21 @@ pub fn judge(days: &[Day], sensor: &SensorDescription) -> Health {
     Health { findings, recent, first, shift }
 }
 
-/// Sums over days until there are enough presses without contact, and the number of days.
+/// Sums of the first of `days` that have enough presses without contact, the earlier ones first,
+/// and the number of those days.
 fn pressed<'a>(days: impl Iterator<Item = &'a Day>) -> (PressSums, usize) {
-    let (mut sums, mut n_days) = (PressSums::default(), 0);
+    let (mut window, mut n_quiet) = (Vec::new(), 0_u32);
     for day in days.take(WINDOW_DAYS) {
-        sums.merge(&day.presses);
-        n_days += 1;
-        if sums.n_quiet >= WINDOW_PRESSES {
+        window.push(day);
+        n_quiet = n_quiet.saturating_add(day.presses.n_quiet);
+        if n_quiet >= WINDOW_PRESSES {
             break;
         }
     }
-    (sums, n_days)
+    window.sort_by_key(|day| day.day);
+    let mut sums = PressSums::default();
+    window.iter().for_each(|day| sums.merge(&day.presses));
+    (sums, window.len())
 }
 
 fn shifted(days: &[&Day]) -> Option<CommonShift> {
@@ -212,7 +216,8 @@ fn taxel_findings(
     sensor: &SensorDescription,
 ) -> Vec<Finding> {
     let limits = Limits { floor: contact_floor(sensor), noise: sensor.parameters().noise };
-    let common = common_offset(recent);
+    let (latest, mean) = (|sums: &TaxelSums| sums.latest, |sums: &TaxelSums| sums.mean);
+    let common = common_offset(recent, latest);
     let mut findings = Vec::new();
     if let Some((severity, expected)) = REST.of(common / limits.floor) {
         let (fault, value) = (Fault::CommonOffset, common);
@@ -220,18 +225,18 @@ fn taxel_findings(
     }
     // What all taxels have in common is said once.
     let common = if findings.is_empty() { 0.0 } else { common };
-    let common_before = if findings.is_empty() { 0.0 } else { first.map_or(0.0, common_offset) };
+    let common_before = first.filter(|_| !findings.is_empty());
+    let common_before = common_before.map_or(0.0, |first| common_offset(first, mean));
     for (taxel, now) in recent.taxels.iter().enumerate() {
         let before = first.and_then(|first| first.taxels.get(taxel));
         if let Some(silent) = limits.silent(taxel, now) {
             findings.push(silent);
             continue;
         }
-        let rest =
-            |sums: &TaxelSums, common| (sums.n_quiet >= REST_MIN).then_some(sums.mean - common);
-        let (value, earlier) =
-            (rest(now, common), before.and_then(|sums| rest(sums, common_before)));
-        findings.extend(value.and_then(|value| limits.rest(taxel, now, value, earlier)));
+        let is_known = |sums: &TaxelSums| sums.n_quiet >= REST_MIN;
+        let value = is_known(now).then_some(now.latest - common);
+        let earlier = before.filter(|sums| is_known(sums)).map(|sums| sums.mean - common_before);
+        findings.extend(value.and_then(|value| limits.rest(taxel, value, earlier)));
         findings.extend(limits.noise(taxel, now));
         findings.extend(before.and_then(|before| gain(taxel, now, before)));
     }
@@ -239,9 +244,9 @@ fn taxel_findings(
 }
 
 /// The median of the taxels at rest, Pa; 0 when too few are known.
-fn common_offset(sums: &PressSums) -> f64 {
+fn common_offset(sums: &PressSums, value: fn(&TaxelSums) -> f64) -> f64 {
     let known = sums.taxels.iter().filter(|taxel| taxel.n_quiet >= REST_MIN);
-    let mut means: Vec<f64> = known.map(|taxel| taxel.mean).collect();
+    let mut means: Vec<f64> = known.map(value).collect();
     let middle = means.len() / 2;
     if means.is_empty() {
         return 0.0;
@@ -275,14 +280,7 @@ impl Limits {
     }
 
     /// A taxel's value at rest, or its change since the first days if that is most of it.
-    fn rest(
-        &self,
-        taxel: usize,
-        now: &TaxelSums,
-        value: f64,
-        before: Option<f64>,
-    ) -> Option<Finding> {
-        let certain = DEVIATIONS_MIN * now.noise().unwrap_or(0.0) / f64::from(now.n_quiet).sqrt();
+    fn rest(&self, taxel: usize, value: f64, before: Option<f64>) -> Option<Finding> {
         let change = before.map(|before| value - before).filter(|change| {
             2.0 * change.abs() > value.abs() || REST.of(value / self.floor).is_none()
         });
@@ -290,12 +288,12 @@ impl Limits {
             Some(change) => (Fault::Drift(taxel), change),
             None => (Fault::Offset(taxel), value),
         };
-        let (severity, expected) = REST.of(value / self.floor).filter(|_| value.abs() > certain)?;
+        let (severity, expected) = REST.of(value / self.floor)?;
         Some(Finding { fault, severity, value, expected: expected * self.floor })
     }
 
     fn noise(&self, taxel: usize, now: &TaxelSums) -> Option<Finding> {
-        let value = now.noise().filter(|_| now.n_quiet >= NOISE_MIN)?;
+        let value = now.noise().filter(|_| now.n_steps >= NOISE_MIN)?;
         let (severity, _) = NOISE.of(value / self.floor)?;
         let (fault, expected) = (Fault::Noise(taxel), self.noise);
         (value > NOISE_RATIO * expected).then_some(Finding { fault, severity, value, expected })

@@ -11,6 +11,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use dashmap::DashMap;
 use palpate_core::contact::touches;
 use palpate_core::health::day::Day;
+use palpate_core::health::presses::PressRun;
+use palpate_core::health::shifts::ShiftSums;
 use palpate_core::reading::Felt;
 use palpate_schemas as wire;
 use palpate_schemas::HealthState;
@@ -18,13 +20,14 @@ use palpate_store::database::Database;
 use palpate_store::entity::{Sensor, StoredReading};
 use palpate_store::error::StoreError;
 use palpate_store::journal::{Entry, Event};
+use palpate_store::sensor_day::SensorDay;
 use tokio::sync::Notify;
 use uuid::Uuid;
 
 use crate::cause::Cause;
 use crate::known_sensors::{KnownSensors, UnknownSensor};
 use crate::wire::felt::from_store;
-use crate::wire::sensor_health::{DAY_MS, health, state_of};
+use crate::wire::sensor_health::{DAY_MS, health, warning};
 
 /// Maximum number of sessions that wait. Chosen: what robots end in a minute; later ones are
 /// found at the next start.
@@ -38,7 +41,8 @@ pub(crate) struct SensorHealth {
     known: Arc<KnownSensors>,
     waiting: Mutex<Waiting>,
     ended: Notify,
-    states: DashMap<Uuid, HealthState>,
+    /// The newest verdicts, without their images.
+    verdicts: DashMap<Uuid, wire::SensorHealth>,
 }
 
 /// Sessions to count.
@@ -52,16 +56,18 @@ struct Waiting {
 /// What the readings of a session say.
 #[derive(Debug, Default)]
 pub(crate) struct Counted {
-    /// Sums by sensor.
+    /// Sums by sensor, once all readings are counted.
     pub(crate) days: BTreeMap<Uuid, Day>,
     /// The sensors of presses with contact; nil for contacts without an image.
     pub(crate) touched_by: BTreeSet<Uuid>,
+    /// Presses by sensor, of the newest calibration among them.
+    presses: BTreeMap<Uuid, (u32, PressRun)>,
 }
 
 impl SensorHealth {
     pub(crate) fn new(store: Database, known: Arc<KnownSensors>) -> Self {
-        let (waiting, ended, states) = (Mutex::default(), Notify::new(), DashMap::new());
-        Self { store, known, waiting, ended, states }
+        let (waiting, ended, verdicts) = (Mutex::default(), Notify::new(), DashMap::new());
+        Self { store, known, waiting, ended, verdicts }
     }
 
     fn waiting(&self) -> MutexGuard<'_, Waiting> {
@@ -109,19 +115,24 @@ impl SensorHealth {
         loop {
             let entries = journal.entries(session, next, ENTRIES_PER_READ)?;
             if entries.is_empty() {
-                return Ok(counted);
+                break;
             }
             next += entries.len() as u64;
             for Entry { seq, event, .. } in entries {
                 let Event::Reading(reading) = event else { continue };
                 if !(has_retractions && journal.retraction(session, seq)?.is_some()) {
-                    self.count(&mut counted, &reading, day)?;
+                    self.count(&mut counted, &reading)?;
                 }
             }
         }
+        for (sensor, (calibration, presses)) in std::mem::take(&mut counted.presses) {
+            let (presses, shifts) = (presses.sums().clone(), ShiftSums::default());
+            counted.days.insert(sensor, Day { day, calibration, presses, shifts });
+        }
+        Ok(counted)
     }
 
-    fn count(&self, counted: &mut Counted, stored: &StoredReading, day: u32) -> Result<(), Cause> {
+    fn count(&self, counted: &mut Counted, stored: &StoredReading) -> Result<(), Cause> {
         let sensor = match self.known.get(&stored.sensor.to_string()) {
             Ok(sensor) => sensor,
             Err(UnknownSensor::Store(error)) => return Err(error.into()),
@@ -137,21 +148,19 @@ impl SensorHealth {
         if touches(&reading, &sensor.description) {
             counted.touched_by.insert(sensor.id);
         }
-        let sums = counted.days.entry(sensor.id).or_default();
-        if sums.calibration < stored.calibration {
-            *sums = Day::default();
+        let (calibration, presses) = counted.presses.entry(sensor.id).or_default();
+        if *calibration < stored.calibration {
+            (*calibration, *presses) = (stored.calibration, PressRun::default());
         }
-        sums.day = day;
-        if sums.calibration <= stored.calibration {
-            sums.calibration = stored.calibration;
-            sums.presses.add(&reading, &sensor.description);
+        if *calibration == stored.calibration {
+            presses.add(&reading, &sensor.description);
         }
         Ok(())
     }
 
-    /// Whether a session is counted on a sensor's day already.
-    pub(crate) fn has(&self, sensor: Uuid, session: Uuid, day: &Day) -> Result<bool, StoreError> {
-        self.store.sensor_days().has(sensor, session, day.day)
+    /// A day of a sensor as it is stored; empty before its first session.
+    pub(crate) fn day(&self, sensor: Uuid, day: u32) -> Result<SensorDay, StoreError> {
+        Ok(self.store.sensor_days().find(sensor, day)?.unwrap_or_default())
     }
 
     /// Stores the sums of a session, and judges the sensor again.
@@ -169,12 +178,11 @@ impl SensorHealth {
         if days.is_empty() {
             return Ok(());
         }
-        let state = state_of(&sensor, &days);
-        let before = self.states.insert(sensor.id, state);
-        if state == HealthState::Commission && before != Some(state) {
-            let (id, name) = (sensor.id, &sensor.name);
-            let summary = health(&sensor, &days, 0).summary;
-            tracing::warn!(sensor.id = %id, "Sensor {name:?}: {summary}");
+        let verdict = wire::SensorHealth { rest: None, ..health(&sensor, &days, 0) };
+        let (state, summary) = (verdict.state, verdict.summary.clone());
+        let before = self.verdicts.insert(sensor.id, verdict);
+        if state == HealthState::Commission && before.is_none_or(|it| it.state != state) {
+            tracing::warn!(sensor.id = %sensor.id, "Sensor {:?}: {summary}", sensor.name);
         }
         Ok(())
     }
@@ -187,9 +195,9 @@ impl SensorHealth {
         Ok(())
     }
 
-    /// Drops the state of a removed sensor.
+    /// Drops the verdict of a removed sensor.
     pub(crate) fn forget(&self, sensor: Uuid) {
-        self.states.remove(&sensor);
+        self.verdicts.remove(&sensor);
     }
 
     /// The health of a sensor in its wire form. Blocks.
@@ -197,6 +205,17 @@ impl SensorHealth {
         // Counted before they are read: what no longer waits is in the answer.
         let n_waiting = self.n_waiting();
         Ok(health(sensor, &self.store.sensor_days().all(sensor.id)?, n_waiting))
+    }
+
+    /// Warnings about readings of these sensors: one a sensor that is to be commissioned again, at
+    /// its first reading.
+    pub(crate) fn warnings(&self, sensors: &[Uuid]) -> Vec<wire::Warning> {
+        let first = |index: &usize| !sensors[..*index].contains(&sensors[*index]);
+        let warned = |index: usize| {
+            let verdict = self.verdicts.get(&sensors[index])?;
+            (verdict.state == HealthState::Commission).then(|| warning(index, &verdict))
+        };
+        (0..sensors.len()).filter(first).filter_map(warned).collect()
     }
 
     /// Updates the numbers of sensors by state.
@@ -208,7 +227,7 @@ impl SensorHealth {
             ("commission", HealthState::Commission),
         ];
         for (name, state) in states {
-            let n = self.states.iter().filter(|entry| *entry.value() == state).count();
+            let n = self.verdicts.iter().filter(|verdict| verdict.state == state).count();
             metrics::gauge!("palpate_sensors", "health" => name).set(n as f64);
         }
         for name in ["palpate_sensor_health_sessions_total", "palpate_sensor_health_left_out_total"]

@@ -54,9 +54,14 @@ pub(crate) fn health(sensor: &Sensor, days: &[SensorDay], n_waiting: usize) -> w
     }
 }
 
-/// The state of a sensor by its days.
-pub(crate) fn state_of(sensor: &Sensor, days: &[SensorDay]) -> HealthState {
-    state(&judged(sensor, days))
+/// The warning about a reading of a sensor that is to be commissioned again. `index` is the
+/// reading's in its request.
+pub(crate) fn warning(index: usize, health: &wire::SensorHealth) -> wire::Warning {
+    wire::Warning {
+        code: wire::WarningCode::SensorChanged,
+        pointer: format!("/readings/{index}/sensor"),
+        detail: format!("the sensor {:?} has changed: {}", health.name, health.summary),
+    }
 }
 
 fn judged(sensor: &Sensor, days: &[SensorDay]) -> Health {
@@ -105,9 +110,10 @@ fn rest(found: &Health, sensor: &SensorDescription) -> Option<wire::SensorRest> 
     let of = |sums: &PressSums, value: fn(&TaxelSums) -> Option<f64>| -> Vec<Option<f64>> {
         sums.taxels.iter().map(value).collect()
     };
+    let latest = |taxel: &TaxelSums| (taxel.n_quiet > 0).then_some(taxel.latest);
     let mean = |taxel: &TaxelSums| (taxel.n_quiet > 0).then_some(taxel.mean);
     let change = |first: &PressSums| {
-        let both = of(&found.recent, mean).into_iter().zip(of(first, mean));
+        let both = of(&found.recent, latest).into_iter().zip(of(first, mean));
         both.map(|(now, before)| Some(now? - before?)).collect()
     };
     (found.recent.n_quiet > 0).then(|| wire::SensorRest {
@@ -116,7 +122,7 @@ fn rest(found: &Health, sensor: &SensorDescription) -> Option<wire::SensorRest> 
         noise: of(&found.recent, TaxelSums::noise),
         described_noise: sensor.parameters().noise,
         contact_floor: contact_floor(sensor),
-        pressures: of(&found.recent, mean),
+        pressures: of(&found.recent, latest),
     })
 }
 

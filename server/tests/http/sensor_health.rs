@@ -61,7 +61,7 @@ fn reasons(health: &Value) -> Vec<(String, Value)> {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_taxel_with_an_offset_asks_for_commissioning() {
     let it = Harness::trained().await;
-    add_sensors(&it, &["left", "right"]).await;
+    add_sensors(&it, &["left", "right", "drifting"]).await;
     let unknown = health(&it, "left").await;
     assert_eq!((&unknown["state"], &unknown["n_days"]), (&json!("unknown"), &json!(0)));
     assert_eq!((&unknown["rest"], &unknown["tool_center"]), (&Value::Null, &Value::Null));
@@ -77,8 +77,28 @@ async fn a_taxel_with_an_offset_asks_for_commissioning() {
     let floor = left["rest"]["contact_floor"].as_f64().unwrap();
     let value = left["rest"]["pressures"][14].as_f64().unwrap();
     assert!((value / floor - 1.5).abs() < 0.05, "{left}");
+    let noise = left["rest"]["noise"][14].as_f64().unwrap();
+    assert!(noise < 0.2 * floor, "{left}");
     assert_eq!((&left["n_presses"], &left["n_quiet"]), (&json!(24), &json!(24)));
     assert_eq!((&left["n_sessions"], &left["n_days"]), (&json!(1), &json!(1)));
+    let mut drifting = quiet("drifting", 30, 7, 0.0);
+    for (press, reading) in drifting.iter_mut().enumerate() {
+        let value = reading["image"][7].as_f64().unwrap() + 2.0 * floor * press as f64 / 30.0;
+        reading["image"][7] = json!(value);
+    }
+    ended(&it, &drifting, &json!({})).await;
+    let drifted = health(&it, "drifting").await;
+    assert_eq!(drifted["state"], "commission", "{drifted}");
+    assert_eq!(reasons(&drifted), [("offset".to_owned(), json!(7))]);
+    let both = [quiet("right", 2, 0, 0.0), quiet("left", 2, 0, 0.0)].concat();
+    let warned = ended(&it, &both, &json!({})).await["warnings"].clone();
+    assert_eq!(
+        (warned.as_array().unwrap().len(), &warned[0]["code"]),
+        (1, &json!("sensor_changed"))
+    );
+    assert_eq!(warned[0]["pointer"], "/readings/2/sensor");
+    assert!(warned[0]["detail"].as_str().unwrap().contains("taxel 14"), "{warned}");
+    let left = health(&it, "left").await;
     let right = health(&it, "right").await;
     assert_eq!((&right["state"], &right["reasons"]), (&json!("good"), &json!([])), "{right}");
     assert_eq!(health(&it, "digitacts-6x6").await["state"], "unknown", "the preset itself");

@@ -28,7 +28,9 @@ struct SensorDayV1 {
 struct TaxelV1 {
     n_quiet: u32,
     mean: f32,
-    scatter: f32,
+    latest: f32,
+    n_steps: u32,
+    steps: f32,
     n_asked: u32,
     n_answered: u32,
     own: f32,
@@ -93,7 +95,9 @@ fn taxel_to_stored(sums: &TaxelSums) -> TaxelV1 {
     TaxelV1 {
         n_quiet: sums.n_quiet,
         mean: sums.mean as f32,
-        scatter: sums.scatter as f32,
+        latest: sums.latest as f32,
+        n_steps: sums.n_steps,
+        steps: sums.steps as f32,
         n_asked: sums.n_asked,
         n_answered: sums.n_answered,
         own: sums.own as f32,
@@ -107,7 +111,9 @@ fn taxel_from_stored(stored: &TaxelV1) -> TaxelSums {
     TaxelSums {
         n_quiet: stored.n_quiet,
         mean: stored.mean.into(),
-        scatter: stored.scatter.into(),
+        latest: stored.latest.into(),
+        n_steps: stored.n_steps,
+        steps: stored.steps.into(),
         n_asked: stored.n_asked,
         n_answered: stored.n_answered,
         own: stored.own.into(),

@@ -15,8 +15,9 @@ fn floor() -> f64 {
 
 /// A taxel at rest, in contact floors.
 fn at_rest(mean: f64, noise: f64, n_quiet: u32) -> TaxelSums {
-    let scatter = f64::from(n_quiet.saturating_sub(1)) * (noise * floor()).powi(2);
-    TaxelSums { n_quiet, mean: mean * floor(), scatter, ..TaxelSums::default() }
+    let steps = 2.0 * f64::from(n_quiet) * (noise * floor()).powi(2);
+    let (mean, latest) = (mean * floor(), mean * floor());
+    TaxelSums { n_quiet, mean, latest, n_steps: n_quiet, steps, ..TaxelSums::default() }
 }
 
 /// A day of good taxels but those that are given.
@@ -56,8 +57,9 @@ fn a_taxel_is_judged_at_half_of_and_at_the_contact_floor() {
     check(&one(0.6, 0.1, 60), &[(Fault::Offset(7), Watch)]);
     check(&one(0.4, 0.1, 60), &[]);
     check(&one(1.2, 0.1, 9), &[]);
-    // Four deviations of the mean of ten presses: 4 · 0.95 / √10 = 1.2.
-    check(&one(1.19, 0.95, 10), &[]);
+    // It has drifted in the course of the day.
+    let late = TaxelSums { mean: 0.2 * floor(), ..at_rest(1.2, 0.1, 60) };
+    check(&[day(1, &[(7, late)])], &[(Fault::Offset(7), Commission)]);
 }
 
 #[test]
@@ -77,8 +79,8 @@ fn a_change_since_the_first_days_is_drift() {
 #[test]
 fn an_offset_of_all_taxels_is_said_once() {
     let mut shifted = day(1, &[]);
-    shifted.presses.taxels.iter_mut().for_each(|taxel| taxel.mean += 2.0 * floor());
-    shifted.presses.taxels[3].mean += 1.5 * floor();
+    shifted.presses.taxels.iter_mut().for_each(|taxel| taxel.latest += 2.0 * floor());
+    shifted.presses.taxels[3].latest += 1.5 * floor();
     check(&[shifted], &[(Fault::CommonOffset, Commission), (Fault::Offset(3), Commission)]);
 }
 
@@ -163,4 +165,15 @@ fn the_newest_days_are_judged_and_not_older_ones() {
     assert!(!found(&[day(1, &[]), bad(2)]).is_empty());
     // Repaired, and then compared with the first days.
     check(&[day(1, &[]), bad(2), day(3, &[])], &[]);
+    // Within few presses: 24 leave 0.9²⁴ = 8 % of the offset before them.
+    let two = |first, second| {
+        let quiet = |at, mean, n| {
+            let mut day = day(at, &[(7, at_rest(mean, 0.1, n))]);
+            day.presses.n_quiet = n;
+            day
+        };
+        [quiet(2, first, 20), quiet(3, second, 24)]
+    };
+    check(&two(3.0, 0.0), &[]);
+    check(&two(0.0, 3.0), &[(Fault::Offset(7), Commission)]);
 }

@@ -1,5 +1,6 @@
 //! Counting of ended sessions towards the health of their sensors, in the background.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -25,6 +26,9 @@ const TOUCHES_MIN: usize = 6;
 /// Number of readings up to which an ended session's belief is folded again. Chosen: sessions
 /// that need more are rare, and recognised before.
 const READINGS_MAX: u64 = 64;
+/// Number of shifts of a day from which beliefs are no longer folded again for more. Chosen: the
+/// mean of as many is as good as it gets, and folding costs what the session's touches did.
+const SHIFTS_ENOUGH: u32 = 20;
 /// Pause after a session that could not be counted.
 const AFTER_ERROR: Duration = Duration::from_secs(1);
 /// Time before a start in which ended sessions may not have been counted. Chosen: longer than a
@@ -64,22 +68,24 @@ impl Sessions {
         let counting = move || sessions.sensors.health().counted(id, end.at_ms);
         let mut counted = place.run_long(counting).await??;
         let health = self.sensors.health();
-        let mut missing = Vec::new();
+        // The sensors that lack the session, and the number of shifts they have.
+        let mut lacking = BTreeMap::new();
         for (sensor, day) in &counted.days {
-            if !health.has(*sensor, id, day)? {
-                missing.push(*sensor);
+            let stored = health.day(*sensor, day.day)?;
+            if stored.takes(id) {
+                lacking.insert(*sensor, stored.day.shifts.n_sessions);
             }
         }
         // A shift is that of one sensor.
         let mut touched_by = counted.touched_by.iter();
         if let (Some(sensor), None) = (touched_by.next(), touched_by.next())
-            && missing.contains(sensor)
-            && let Some(shift) = self.shift_of(&session, status.length).await?
+            && let Some(n_shifts) = lacking.get(sensor)
+            && let Some(shift) = self.shift_of(&session, status.length, *n_shifts).await?
             && let Some(day) = counted.days.get_mut(sensor)
         {
             day.shifts.add(&shift);
         }
-        for sensor in missing {
+        for sensor in lacking.into_keys() {
             health.add(sensor, id, &counted.days[&sensor]).await?;
             let sessions = Arc::clone(self);
             let place = self.place().await?;
@@ -94,14 +100,17 @@ impl Sessions {
     }
 
     /// The shift that the touches of an ended session share, if it recognised its object.
+    /// `n_shifts` are known of the day.
     async fn shift_of(
         &self,
         session: &Session,
         length: u64,
+        n_shifts: u32,
     ) -> Result<Option<SensorShift>, SessionError> {
         let options = options(session);
         let was_live = self.live.contains_key(&session.id);
-        if options.method != Method::Surface || (!was_live && length > READINGS_MAX) {
+        let is_costly = !was_live && (length > READINGS_MAX || n_shifts >= SHIFTS_ENOUGH);
+        if options.method != Method::Surface || is_costly {
             return Ok(None);
         }
         let live = self.live(session.id).await?;
