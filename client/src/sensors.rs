@@ -2,7 +2,7 @@
 
 use palpate_schemas::{
     AnalyseCoverings, CalibrateSensor, CalibrationQuery, CoveringAnalysis, CreateSensor, PageQuery,
-    Reading, ReadingCheck, Sensor, SensorCalibration, SensorPage,
+    Reading, ReadingCheck, Sensor, SensorCalibration, SensorHealth, SensorPage,
 };
 
 use crate::client::Client;
@@ -79,6 +79,14 @@ impl Client {
     ) -> Result<SensorCalibration, Error> {
         let request = Request::get(["v1", "sensors", sensor, "calibration"]);
         self.send(request.query("number", query.number)).await
+    }
+
+    /// Returns a sensor's health: whether to commission it again, and why.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn sensor_health(&self, sensor: &str) -> Result<SensorHealth, Error> {
+        self.send(Request::get(["v1", "sensors", sensor, "health"])).await
     }
 
     /// Compares coverings. Nothing is stored.

@@ -20,3 +20,4 @@ pub mod descriptor;
 pub mod vocabulary;
 pub mod symmetry;
 pub mod belief;
+pub mod health;

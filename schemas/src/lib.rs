@@ -24,6 +24,7 @@ pub mod belief;
 pub mod history;
 pub mod object;
 pub mod sensor;
+pub mod sensor_health;
 pub mod session;
 pub mod fleet;
 pub mod storage;
@@ -77,6 +78,9 @@ pub use reading::{Contact, Looseness, Reading, Stamp};
 pub use sensor::{
     CreateSensor, DescribeSensor, ForceKnot, ImageOrder, Point, ReadingCheck, Sensor,
     SensorDescription, SensorPage, SensorPreset, TaxelGrid,
+};
+pub use sensor_health::{
+    HealthCode, HealthReason, HealthState, SensorHealth, SensorRest, ToolCenterError,
 };
 pub use session::{
     AddReadings, BeliefDetail, CloseSession, CreateSession, EventsQuery, ExtendSession, PriorEntry,

@@ -35,6 +35,8 @@ pub enum WarningCode {
     /// All touches of a session fit better with the sensor beside its stated pose: the tool centre
     /// is probably wrong, or the covering is softer or stiffer than described.
     SensorShifted,
+    /// The sensor's health says that it is to be commissioned again.
+    SensorChanged,
     /// Readings that touch one object are further apart than an object is large.
     PositionsApart,
     /// An object is larger than objects that robots touch: probably the wrong unit.

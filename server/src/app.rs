@@ -118,6 +118,7 @@ impl App {
         metrics::gauge!("palpate_sessions_open").set(self.sessions.n_open() as f64);
         metrics::gauge!("palpate_jobs_unfinished").set(self.jobs.n_unfinished() as f64);
         metrics::gauge!("palpate_compute_places_free").set(self.pool.n_free() as f64);
+        self.sensors.health().measure();
         let n_damaged = self.catalogues.n_damaged() as f64;
         metrics::gauge!("palpate_versions_damaged").set(n_damaged);
         let memory = [

@@ -60,6 +60,7 @@ pub(crate) const TABLE: &[(&str, Who, Effect)] = &[
     ("get_sensor", ALL, Reads),
     ("check_reading", ALL, Reads),
     ("get_calibration", ALL, Reads),
+    ("get_sensor_health", ALL, Reads),
     ("create_sensor", TEACHING, Changes),
     ("calibrate_sensor", TEACHING, Changes),
     ("delete_sensor", TEACHING, Changes),

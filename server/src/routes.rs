@@ -11,6 +11,7 @@ pub(crate) mod jobs;
 pub(crate) mod keys;
 pub(crate) mod maps;
 pub(crate) mod objects;
+pub(crate) mod sensor_health;
 pub(crate) mod sensors;
 pub(crate) mod sessions;
 pub(crate) mod site;
@@ -37,6 +38,7 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(sensors::get_sensor, sensors::delete_sensor))
         .routes(routes!(sensors::check_reading))
         .routes(routes!(sensors::get_calibration, sensors::calibrate_sensor))
+        .routes(routes!(sensor_health::get_sensor_health))
         .routes(routes!(analyses::analyse_coverings))
         .routes(routes!(objects::list_objects, objects::create_object))
         .routes(routes!(objects::get_object, objects::update_object, objects::delete_object))

@@ -183,6 +183,7 @@ impl Server {
         tokio::spawn(telemetry::tidy(stopping.clone()));
         let working = tokio::spawn(jobs.work(stopping.clone()));
         tokio::spawn(Arc::clone(&sessions).watch(stopping.clone()));
+        tokio::spawn(Arc::clone(&sessions).keep_health(stopping.clone()));
         let audit = Arc::clone(&app.audit);
         tokio::spawn(Arc::clone(&audit).keep(stopping.clone()));
         tokio::spawn(time_keeper.keep_time(stopping.clone()));

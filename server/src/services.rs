@@ -2,6 +2,7 @@
 
 pub(crate) mod audit;
 pub(crate) mod calibrations;
+pub(crate) mod sensor_health;
 pub(crate) mod sensors;
 pub(crate) mod keys;
 pub(crate) mod storage;

@@ -21,6 +21,7 @@ pub(crate) mod next_touch;
 pub(crate) mod object;
 pub(crate) mod reading;
 pub(crate) mod sensor;
+pub(crate) mod sensor_health;
 pub(crate) mod session;
 pub(crate) mod symmetry;
 pub(crate) mod training;

@@ -25,6 +25,7 @@ use crate::mesh::Meshes;
 use crate::pieces;
 use crate::record::{self, ClockV1, LayoutV1};
 use crate::robot::RobotHolders;
+use crate::sensor_day::SensorDays;
 use crate::table::Table;
 
 /// The layout of keys and records in this version of Palpate.
@@ -163,6 +164,12 @@ impl Database {
         Calibrations::new(Arc::clone(&self.engine))
     }
 
+    /// What sessions say about sensors, by day.
+    #[must_use]
+    pub fn sensor_days(&self) -> SensorDays {
+        SensorDays::new(Arc::clone(&self.engine))
+    }
+
     /// All objects. Remove one with [`Database::remove_object`].
     #[must_use]
     pub fn objects(&self) -> Table<Object> {
@@ -287,13 +294,15 @@ impl Database {
         Ok(removed)
     }
 
-    /// Removes a sensor, then its calibrations; `false` when there was none.
+    /// Removes a sensor, then its calibrations and days; `false` when there was none.
     ///
     /// # Errors
     /// [`StoreError::Damaged`] and the engine's.
     pub async fn remove_sensor(&self, id: Uuid) -> Result<bool, StoreError> {
         let removed = self.sensors().remove(id).await?;
-        pieces::remove_all(&*self.engine, &key::id(Space::Calibration, id)).await?;
+        for space in [Space::Calibration, Space::SensorDay] {
+            pieces::remove_all(&*self.engine, &key::id(space, id)).await?;
+        }
         holding::release(&*self.engine, &key::id(Space::Sensor, id)).await?;
         Ok(removed)
     }

@@ -60,6 +60,8 @@ pub enum Kind {
     Clock = 22,
     /// Bytes of a thing that an API key wrote.
     Holding = 23,
+    /// What the sessions of a day say about a sensor.
+    SensorDay = 25,
     /// Number of commits, and the sum of all records.
     Tally = 30,
 }

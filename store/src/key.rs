@@ -46,6 +46,8 @@ pub enum Space {
     Version = b'v',
     /// Calibrations, by sensor and number from 1.
     Calibration = b'k',
+    /// Days of sensors, by sensor and days since 1970-01-01.
+    SensorDay = b'i',
     /// Immutable blocks, by the hash of their content.
     Block = b'b',
     /// API keys by id.

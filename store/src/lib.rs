@@ -2,7 +2,7 @@
 //!
 //! Bottom up: an [`engine::Engine`] holds ordered keys and small values and commits them
 //! atomically and durably ([`sled`], [`memory`]); [`envelope`] and [`record`] define the
-//! values; `pieces` splits large ones; [`table`], [`journal`], [`calibration`], [`mesh`],
+//! values; `pieces` splits large ones; [`table`], [`journal`], [`calibration`], [`sensor_day`], [`mesh`],
 //! [`catalogue`] and [`audit`] are the repositories that [`database::Database`] opens;
 //! [`holding`] counts the bytes that each API key wrote; [`fsck`] checks a whole database,
 //! [`snapshot`] copies one. `docs/formats.md` draws every
@@ -29,6 +29,7 @@ pub mod table;
 pub mod access;
 pub mod journal;
 pub mod calibration;
+pub mod sensor_day;
 pub mod mesh;
 pub mod audit;
 pub mod catalogue;

@@ -1,6 +1,7 @@
 //! `palpate sensors`: sensors and their calibrations.
 
 mod coupling;
+mod health;
 
 use std::path::PathBuf;
 
@@ -71,6 +72,11 @@ enum Action {
         #[arg(long)]
         number: Option<u32>,
     },
+    /// Show whether to commission a sensor again, and why: drift, dead taxels, tool centre.
+    Health {
+        /// Id or name of the sensor.
+        sensor: String,
+    },
     /// Simulate indentations of a sensor, with a dead and a cross-wired taxel, as input for
     /// `calibrate`.
     Indent {
@@ -133,6 +139,9 @@ pub(crate) async fn run(args: SensorsArgs, context: &Context) -> anyhow::Result<
         Action::Calibration { sensor, number } => {
             let calibration = client.calibration(&sensor, &CalibrationQuery { number }).await?;
             output.answer(&calibration, calibrate::text)
+        }
+        Action::Health { sensor } => {
+            output.answer(&client.sensor_health(&sensor).await?, health::text)
         }
         Action::Indent { sensor, out, seed } => {
             let said = calibrate::indent(client, &sensor, &out, seed).await?;

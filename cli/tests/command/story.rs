@@ -283,6 +283,8 @@ fn a_newcomer_calibrates_a_sensor_with_a_simulated_indentation() {
     let shown = ask("sensors calibration finger --json");
     let calibration: serde_json::Value = serde_json::from_str(&shown).unwrap();
     assert_eq!((&calibration["number"], &calibration["n_unusable"]), (&1.into(), &2.into()));
+    let health = ask("sensors health finger");
+    assert!(health.contains("finger: too little is known"), "{health}");
     let coverings = ask("analyses covering --thickness-mm 1,2.54 --force-resolution 0.05");
     assert!(coverings.contains("sharpest") && coverings.contains("2.54 mm"), "{coverings}");
 }

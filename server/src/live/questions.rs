@@ -3,15 +3,17 @@
 
 use std::time::Instant;
 
+use palpate_core::belief::answer::Answer;
 use palpate_core::object::ObjectIdx;
 use palpate_schemas as wire;
 use palpate_schemas::Method;
 
 use super::belief::{ObjectMarginals, SessionBelief};
-use super::{Live, LiveError, answer};
+use super::{Live, LiveError, POSES, answer};
 use crate::asker::Asker;
 use crate::cause::Cause;
 use crate::clock::now_ms;
+use crate::compute::Place;
 use crate::wire::geometry;
 use crate::wire::next_touch::{Question, next_touches};
 use crate::wire::session::options;
@@ -95,6 +97,14 @@ impl Live {
             probability,
             was_right,
         })
+    }
+
+    /// The answer after the session's end, which nothing waits for.
+    pub(crate) async fn concluded(&self, place: Place) -> Result<Answer, LiveError> {
+        let mut state = self.turns.insist().await;
+        let length = self.length()?;
+        let folding = self.folding(Vec::new());
+        self.ask(&mut state, folding, place, length, answer(POSES)).await
     }
 
     /// A question's answer by the present belief, and its revision; `None` when that is known.

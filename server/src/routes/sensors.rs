@@ -56,7 +56,7 @@ pub(crate) async fn get_sensor(
 
 /// Delete a sensor
 ///
-/// Also deletes its calibrations. 409 while a stored object or session has a reading of the sensor,
+/// Also deletes its calibrations and its health. 409 while a stored object or session has a reading of the sensor,
 /// or an unfinished job touches with it. Presets cannot be deleted.
 #[utoipa::path(delete, path = "/v1/sensors/{sensor}", operation_id = "delete_sensor",
     tag = "sensors",

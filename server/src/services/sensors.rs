@@ -17,6 +17,7 @@ use crate::cause::Cause;
 use crate::clock::now_ms;
 use crate::known_sensors::KnownSensors;
 use crate::services::calibrations::Calibrations;
+use crate::services::sensor_health::SensorHealth;
 use crate::wire::reading::Source;
 use crate::wire::{cursor, page_id, page_length, reading, sensor};
 
@@ -25,6 +26,7 @@ pub(crate) struct Sensors {
     store: Database,
     known: Arc<KnownSensors>,
     calibrations: Calibrations,
+    health: SensorHealth,
     /// Sensors under removal, which accept no readings.
     closed: DashSet<Uuid>,
     /// Read-locked while readings are being stored.
@@ -35,12 +37,18 @@ impl Sensors {
     pub(crate) fn new(store: Database) -> Self {
         let known = Arc::new(KnownSensors::new(store.clone()));
         let calibrations = Calibrations::new(store.clone(), Arc::clone(&known));
-        Self { store, known, calibrations, closed: DashSet::new(), using: Arc::default() }
+        let health = SensorHealth::new(store.clone(), Arc::clone(&known));
+        Self { store, known, calibrations, health, closed: DashSet::new(), using: Arc::default() }
     }
 
     /// The calibrations of sensors.
     pub(crate) fn calibrations(&self) -> &Calibrations {
         &self.calibrations
+    }
+
+    /// The health of sensors.
+    pub(crate) fn health(&self) -> &SensorHealth {
+        &self.health
     }
 
     /// Adds a sensor for every preset, under the preset's name, unless the name is in use.

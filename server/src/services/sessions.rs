@@ -7,6 +7,7 @@
 //! that hangs up does not leave them half done.
 
 mod fits;
+mod health;
 mod life;
 mod listing;
 mod open;
@@ -111,6 +112,7 @@ impl Sessions {
         let ids = ids.filter_map(|(place, reading)| Some((place, reading.id.as_ref()?)));
         self.keys.claim_robots(asker::Asker::current().key(), ids).await?;
         let is_followed = live.is_followed();
+        let named: Vec<Uuid> = readings.iter().map(|reading| reading.sensor.id).collect();
         let adding = async move {
             let _using = using;
             live.add(readings, detail).await
@@ -120,7 +122,9 @@ impl Sessions {
             true => asker::spawn_within(self.answer_timeout, adding),
             false => asker::spawn(adding),
         };
-        finished(adding).await
+        let mut added = finished(adding).await?;
+        added.warnings.extend(self.sensors.health().warnings(&named));
+        Ok(added)
     }
 
     /// Withdraws the reading with a number within the session.

@@ -32,6 +32,7 @@ mod objects;
 mod order;
 mod removal;
 mod rows;
+mod sensor_health;
 mod sessions;
 mod sharing;
 mod site;

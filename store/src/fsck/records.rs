@@ -17,6 +17,7 @@ use crate::key;
 use crate::mesh::MeshInfo;
 use crate::record::{self, ClockV1, LayoutV1, NameV1, Record};
 use crate::robot::RobotHolder;
+use crate::sensor_day::SensorDay;
 
 /// A complete, undamaged record.
 pub(super) enum Whole {
@@ -33,6 +34,7 @@ pub(super) enum Whole {
     Catalogue(Catalogue),
     Version(Manifest),
     Calibration(StoredCalibration),
+    SensorDay(SensorDay),
     /// A file or block: its hash and length.
     Raw([u8; 32], u64),
     /// Bytes that a key wrote of a thing.
@@ -66,6 +68,7 @@ pub(super) fn space(letter: u8) -> (&'static str, Option<usize>, &'static str) {
         b'c' => ("catalogue", Some(17), "the catalogue and its versions are not found"),
         b'v' => ("version", Some(25), "the version cannot be recognised with"),
         b'k' => ("calibration", Some(25), "readings that it applies to cannot be used"),
+        b'i' => ("sensor day", Some(25), "the sensor's health cannot be told"),
         b'b' => ("block", Some(33), "versions with it cannot be recognised with"),
         b'a' => ("key", Some(17), "whoever holds the key is not let in"),
         b'y' => ("clock", Some(1), "a key that has expired is let in when the clock is set back"),
@@ -90,7 +93,7 @@ pub(super) fn words(key: &[u8]) -> String {
         (Some(b'!' | b'y'), 1) => "of the whole".to_owned(),
         (Some(b's' | b'o' | b'm' | b'T' | b'j' | b'e' | b'R' | b'c' | b'a'), 17..) => id(1),
         (Some(b't' | b'r' | b'x'), 25..) => format!("{} entry {}", id(1), number(17)),
-        (Some(b'v' | b'k'), 25..) => format!("{} number {}", id(1), number(17)),
+        (Some(b'v' | b'k' | b'i'), 25..) => format!("{} number {}", id(1), number(17)),
         (Some(b'l' | b'd' | b'q'), 9..) => format!("number {}", number(1)),
         (Some(b'f'), 33..) => format!("{} upload {}", id(1), id(17)),
         (Some(b'n'), 2..) => String::from_utf8_lossy(&key[1..]).into_owned(),
@@ -239,6 +242,7 @@ impl Assembly {
             b'c' => decoded(bytes, Whole::Catalogue),
             b'v' => decoded(bytes, Whole::Version),
             b'k' => decoded(bytes, Whole::Calibration),
+            b'i' => decoded(bytes, Whole::SensorDay),
             b'a' => decoded(bytes, |_: AccessKey| Whole::Alone),
             b'y' => decoded(bytes, |_: ClockV1| Whole::Alone),
             b'h' => decoded(bytes, |_: RobotHolder| Whole::Alone),

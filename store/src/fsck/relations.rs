@@ -36,6 +36,8 @@ pub(super) struct Relations {
     catalogues: BTreeMap<Uuid, u32>,
     versions: BTreeSet<(Uuid, u32)>,
     calibrations: BTreeMap<Uuid, u64>,
+    /// Keys of days, by sensor.
+    days: BTreeMap<Uuid, Vec<Vec<u8>>>,
     /// Keys of damaged records.
     damaged: BTreeSet<Vec<u8>>,
 }
@@ -144,6 +146,10 @@ impl Relations {
                     report.add(damage(key, format!("number {} is missing", before + 1)));
                 }
                 calibration.sensor != id || u64::from(calibration.number) != number_of(key)
+            }
+            Whole::SensorDay(found) => {
+                self.days.entry(id).or_default().push(key.to_vec());
+                found.sensor != id || u64::from(found.day.day) != number_of(key)
             }
             Whole::Holding => {
                 if !self.is_there(key) {
@@ -255,6 +261,12 @@ impl Relations {
         for hash in unnamed {
             let key = key::hash(Space::Block, &hash);
             self.leftover(&key, "no version names it".to_owned(), report);
+        }
+        for (sensor, keys) in std::mem::take(&mut self.days) {
+            let is_gone = !self.sensors.contains(&sensor);
+            for key in keys.iter().filter(|_| is_gone) {
+                self.leftover(key, "its sensor was removed".to_owned(), report);
+            }
         }
         for key in std::mem::take(&mut self.files).into_keys() {
             self.leftover(&key, "no mesh names it".to_owned(), report);

@@ -14,4 +14,5 @@ mod meshes;
 mod removal;
 mod repositories;
 mod samples;
+mod sensor_days;
 mod snapshots;

@@ -51,6 +51,7 @@ impl Sensors {
         self.expect_unused(&sensor, pool).await?;
         self.store.essential().remove_sensor(sensor.id).await?;
         self.known.forget(sensor.id);
+        self.health.forget(sensor.id);
         tracing::info!(sensor.id = %sensor.id, "Removed sensor {:?}", sensor.name);
         Ok(())
     }

@@ -14,6 +14,7 @@ use tokio::sync::watch;
 use uuid::Uuid;
 
 use super::fits::fits;
+use super::health::LOOK_BACK_MS;
 use super::open::Full;
 use super::{SessionError, Sessions, finished};
 use crate::asker;
@@ -45,11 +46,17 @@ impl Sessions {
             let page = self.tools.store.sessions().list_whole(after, SESSIONS_PER_READ)?;
             // For sessions that were not closed, the last reading determines whether they
             // have expired.
+            let since = now.saturating_sub(LOOK_BACK_MS);
+            let closed =
+                page.items.iter().filter(|it| it.closed_at_ms.is_some_and(|at| at >= since));
+            closed.for_each(|session| self.sensors.health().note(session.id));
             let ends = page.items.par_iter().filter(|session| session.closed_at_ms.is_none());
             let ends = ends.map(|session| Ok((session, status(&self.tools.store, session, now)?)));
             for (session, status) in ends.collect::<Result<Vec<_>, StoreError>>()? {
-                if status.end.is_none() {
-                    self.open.note(session.id, status.expires_at_ms, opened_by(session));
+                match status.end {
+                    None => self.open.note(session.id, status.expires_at_ms, opened_by(session)),
+                    Some(end) if end.at_ms >= since => self.sensors.health().note(session.id),
+                    Some(_) => {}
                 }
             }
             after = page.next;
@@ -269,6 +276,7 @@ impl Sessions {
     /// Registers the end of a session.
     fn leave(&self, id: Uuid) {
         self.open.leave(id);
+        self.sensors.health().note(id);
         self.tools.checkpoints.remove(id);
     }
 
