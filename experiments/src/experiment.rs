@@ -20,6 +20,7 @@ use crate::object_trials::ObjectTrials;
 use crate::other_physics::{self, OtherPhysics};
 use crate::other_worlds::{self, OtherWorlds};
 use crate::ppf_peer::{self, PpfPeer};
+use crate::real_contacts::{self, RealContacts};
 use crate::real_frames::{self, RealFrames};
 use crate::report::{Outcome, Progress};
 use crate::restart::{self, Restart};
@@ -67,6 +68,8 @@ pub enum Experiment {
     SimToReal(SimToReal),
     /// Real frames of a 28×50 array, without poses.
     RealFrames(RealFrames),
+    /// Points felt by a real hand, against meshes.
+    RealContacts(RealContacts),
     /// Figure 5.2: similarity of touches against their distance.
     Consistency(Consistency),
     /// Section 5.5.1 by surface matching, beside SVA as served and as printed.
@@ -131,6 +134,7 @@ impl Experiment {
             Self::LettersAppearance(config) => letters_appearance::run(config, progress),
             Self::SimToReal(config) => sim_to_real::run(config, progress),
             Self::RealFrames(config) => real_frames::run(config, progress),
+            Self::RealContacts(config) => real_contacts::run(config, progress),
             Self::Consistency(config) => consistency::run(config, progress),
             Self::SurfaceObjects(config) => surface_objects::run(config, progress),
             Self::SurfaceScale(config) => surface_scale::run(config, progress),
@@ -234,7 +238,8 @@ mod tests {
     #[test]
     fn a_command_line_gives_the_same_arguments_again() {
         for command in Typed::command().get_subcommands() {
-            let data = if command.get_name() == "real-frames" { " --data frames" } else { "" };
+            let has_data = command.get_name().starts_with("real-");
+            let data = if has_data { " --data folder" } else { "" };
             let line = format!("{PROGRAM} {}{data}", command.get_name());
             let experiment = typed(&line);
             assert_eq!(typed(&experiment.command_line()).arguments(), experiment.arguments());
