@@ -13,5 +13,8 @@ pub(crate) fn meaning(knowledge: SensorKnowledge) -> &'static str {
             "meshes are pressed with many sensors that the description may stand for, so that \
              spread, edge and stiffness need not be known"
         }
+        SensorKnowledge::Commissioned => {
+            "meshes are pressed with sensors as touches of a known object measured this one"
+        }
     }
 }

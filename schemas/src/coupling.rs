@@ -80,6 +80,10 @@ pub enum SensorKnowledge {
     /// probabilities are calibrated with sensors that the training has not seen.
     #[default]
     DataSheet,
+    /// Touches of a known object measured the sensor on its robot: meshes are pressed with sensors
+    /// drawn from what its passport leaves open. The default of trainings with a sensor that has a
+    /// passport; sensors cannot be created with it.
+    Commissioned,
 }
 
 impl SensorKnowledge {
@@ -89,6 +93,7 @@ impl SensorKnowledge {
         match self {
             Self::Measured => "measured",
             Self::DataSheet => "data_sheet",
+            Self::Commissioned => "commissioned",
         }
     }
 }
