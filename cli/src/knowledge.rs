@@ -17,5 +17,8 @@ pub(crate) fn meaning(knowledge: SensorKnowledge) -> &'static str {
             "meshes are pressed with many sensors of the same grid, twice as different as a data \
              sheet allows: recognition needs more touches"
         }
+        SensorKnowledge::Commissioned => {
+            "meshes are pressed with sensors as touches of a known object measured this one"
+        }
     }
 }

@@ -1,8 +1,9 @@
 //! Sensors and coverings.
 
 use palpate_schemas::{
-    AnalyseCoverings, CalibrateSensor, CalibrationQuery, CoveringAnalysis, CreateSensor, PageQuery,
-    Reading, ReadingCheck, Sensor, SensorCalibration, SensorHealth, SensorPage,
+    AnalyseCoverings, CalibrateSensor, CalibrationQuery, CommissionSensor, Commissioning,
+    CoveringAnalysis, CreateSensor, PageQuery, Reading, ReadingCheck, ReferenceBodies,
+    ReferenceBodyName, Sensor, SensorCalibration, SensorHealth, SensorPage, SensorPassport,
 };
 
 use crate::client::Client;
@@ -87,6 +88,50 @@ impl Client {
     /// [`Error`].
     pub async fn sensor_health(&self, sensor: &str) -> Result<SensorHealth, Error> {
         self.send(Request::get(["v1", "sensors", sensor, "health"])).await
+    }
+
+    /// Finds what touches of a known object say about a sensor on its robot; with `apply` they become
+    /// its passport.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn commission_sensor(
+        &self,
+        sensor: &str,
+        touches: &CommissionSensor,
+    ) -> Result<Commissioning, Error> {
+        let request = Request::post(["v1", "sensors", sensor, "commissionings"]).json(touches);
+        // Applied twice, a passport only gets two numbers.
+        self.send(request.repeat(Repeat::Harmless)).await
+    }
+
+    /// Returns the passport of a sensor; the newest if `query` has no number.
+    ///
+    /// # Errors
+    /// [`Error`]; status 404 if it has none.
+    pub async fn passport(
+        &self,
+        sensor: &str,
+        query: &CalibrationQuery,
+    ) -> Result<SensorPassport, Error> {
+        let request = Request::get(["v1", "sensors", sensor, "passport"]);
+        self.send(request.query("number", query.number)).await
+    }
+
+    /// Returns the reference bodies to commission sensors with.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn reference_bodies(&self) -> Result<ReferenceBodies, Error> {
+        self.send(Request::get(["v1", "reference-bodies"])).await
+    }
+
+    /// Returns the STL file of a reference body, in millimetres.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn reference_mesh(&self, body: ReferenceBodyName) -> Result<Vec<u8>, Error> {
+        self.send_for_file(Request::get(["v1", "reference-bodies", body.name(), "mesh"])).await
     }
 
     /// Compares coverings. Nothing is stored.

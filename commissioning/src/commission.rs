@@ -3,48 +3,37 @@
 //! Order of the steps: unit of pressure, convention of poses with the object's place, order of
 //! the image, covering, single taxels. Later steps know the earlier ones' results.
 
-use glam::DVec3;
+use palpate_core::convention::{PoseConvention, PoseDirection, PositionUnit, QuaternionOrder};
 use palpate_core::pose::Pose;
-use palpate_core::sensor::ImageOrder;
-use palpate_core::units::{DEG, MM};
+use palpate_core::sensor::{Estimate, ImageOrder};
+use palpate_core::stop::{Stop, Stopped};
 use palpate_sim::press::PressSimulator;
 use thiserror::Error;
 
 use crate::conventions::{self, Scored, part, score};
 use crate::covering;
-use crate::estimate::{Choice, Estimate, Verdict};
+use crate::estimate::{Choice, Verdict};
 pub use crate::images::Edge;
-use crate::images::{Images, LN_GAIN, LN_SPREAD, N, STIFFEN, tool};
+use crate::images::{Images, LN_GAIN, LN_SPREAD, N, STIFFEN};
 use crate::order::{self, Ordered, reordered, values};
 pub use crate::order::{ORDERS, composed};
 use crate::pressure;
 pub use crate::pressure::PressureUnit;
-use crate::surface::{SurfaceSearch, TOOL_OFFSET, TOOL_TILT};
+use crate::surface::SurfaceSearch;
 use crate::taxels;
 pub use crate::taxels::TaxelFault;
-use crate::touch::{PoseConvention, PoseDirection, PositionUnit, QuaternionOrder, SentTouch};
-use crate::touch::{TOUCHES_MAX, TOUCHES_MIN};
+use crate::tool_center::tool_center;
+pub use crate::tool_center::{RESIDUAL_MAX, ToolCenter};
+use crate::touch::{SentTouch, TOUCHES_MAX, TOUCHES_MIN};
 
-/// Least deviations of a tool centre that are stated: offset (m) and tilt (rad). Fitted: median
-/// errors of `palpate experiment commissioning --seed 1`.
-const OFFSET_FLOOR: f64 = 0.25 * MM;
-const TILT_FLOOR: f64 = 0.6 * DEG;
+/// Residual above which the place of the object is searched again with other touches. Fitted: as
+/// [`RESIDUAL_MAX`].
+const RESIDUAL_USUAL: f64 = 0.08;
 
-/// Tool centres below this offset (m) and tilt (rad) need no correction. Chosen: twice the
-/// position error of recognition at its best, and the angle at which controllers stop.
-const OFFSET_NEEDED: f64 = 1.0 * MM;
-const TILT_NEEDED: f64 = 2.0 * DEG;
-
-/// Deviations from which a correction is certain enough. Chosen: six numbers are looked at.
-const CERTAIN: f64 = 3.0;
-
-/// Share of a prior's deviation above which a number is not determined.
-const OPEN: f64 = 0.5;
-
-/// Residual above which the touches are not understood, so that no tool centre follows from them.
-/// Fitted: sensors of a data sheet's family leave 0.03 to 0.08 (`palpate experiment commissioning
-/// --seed 1`), a wrong place of the object twice as much.
-const RESIDUAL_MAX: f64 = 0.12;
+/// Most searches, and taxels in all images that two searches may have. Chosen: of eight searches for
+/// a hammer touched twenty times three failed, so that four fail once in fifty.
+const SEARCHES: usize = 4;
+const SEARCH_TAXELS: usize = 40_000;
 
 /// Places of the object at which images are compared, over all conventions.
 const PLACES_MAX: usize = 6;
@@ -60,6 +49,8 @@ pub struct Setup<'a> {
     pub touches: &'a [SentTouch],
     /// Seed of the search.
     pub seed: u64,
+    /// The end of the computation before its result.
+    pub stop: &'a Stop,
 }
 
 /// Why touches cannot be used.
@@ -96,19 +87,9 @@ pub enum CommissionError {
         /// Number of touches with a pressure.
         found: usize,
     },
-}
-
-/// What holds for the sensor's tool centre.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ToolCenter {
-    /// The correction: `sent_from_true` sensor. A pose as sent times it is the true pose.
-    pub sent_from_true: Pose,
-    /// Offset along the sensor's x, y and z as sent, metres.
-    pub offset: [Estimate; 3],
-    /// Rotation vector about the sensor's x, y and z as sent, radians.
-    pub turn: [Estimate; 3],
-    /// Whether it is right, wrong, or not determined by these touches.
-    pub verdict: Verdict,
+    /// It was stopped.
+    #[error("the computation was stopped")]
+    Stopped,
 }
 
 /// Findings about a sensor on its robot.
@@ -190,6 +171,36 @@ impl Findings {
 /// [`CommissionError`] names the first touch that cannot be used.
 pub fn commission(setup: &Setup<'_>) -> Result<Findings, CommissionError> {
     let touches = usable(setup)?;
+    let mut best: Result<Findings, CommissionError> = Err(CommissionError::Nowhere);
+    for n in 0..searches(setup, touches.len()) {
+        let seeded = Setup { seed: setup.seed.wrapping_add(n), ..*setup };
+        let found = Stop::heeding(|| found(&seeded, &touches));
+        let found = found.map_err(|Stopped| CommissionError::Stopped)?;
+        let residual = |of: &Result<Findings, CommissionError>| {
+            of.as_ref().map_or(f64::INFINITY, |found| found.residual.1)
+        };
+        if residual(&found) < residual(&best) {
+            best = found;
+        }
+        if residual(&best) < RESIDUAL_USUAL {
+            break;
+        }
+    }
+    best
+}
+
+/// Searches for the object's place; one if it is given. Fewer for many touches or taxels: a bound
+/// on the work.
+fn searches(setup: &Setup<'_>, n_touches: usize) -> u64 {
+    if setup.session_from_object.is_some() {
+        return 1;
+    }
+    let n_taxels = n_touches * setup.object.sensor().grid().n_taxels();
+    let affordable = (TOUCHES_MAX / n_touches).min(SEARCH_TAXELS / n_taxels);
+    affordable.clamp(1, SEARCHES) as u64
+}
+
+fn found(setup: &Setup<'_>, touches: &[SentTouch]) -> Result<Findings, CommissionError> {
     let sensor = setup.object.sensor();
     let stated = sensor.parameters().image_order;
     let mut images: Vec<Vec<Option<f64>>> =
@@ -203,12 +214,12 @@ pub fn commission(setup: &Setup<'_>) -> Result<Findings, CommissionError> {
     for image in &mut images {
         dead.iter().for_each(|taxel| image[*taxel] = None);
     }
-    let search = SurfaceSearch::new(setup.object, setup.seed);
+    let search = SurfaceSearch::new(setup.object, setup.seed, setup.stop);
     let given = setup.session_from_object.map(|pose| pose.inverse());
-    let mut scored = score(&touches, given, &search, setup.seed);
+    let mut scored = score(touches, given, &search, setup.seed);
     let n_open = conventions::n_open(&scored);
     let fits: Vec<Ordered<'_>> =
-        scored[..n_open].iter().filter_map(|one| fit(setup, &touches, &images, one)).collect();
+        scored[..n_open].iter().filter_map(|one| fit(setup, touches, &images, one)).collect();
     let losses: Vec<f64> = fits.iter().map(|fit| fit.loss).collect();
     if losses.len() == n_open {
         conventions::weigh(&mut scored, &losses);
@@ -273,6 +284,7 @@ fn fit<'a>(
     let read = |touch: &SentTouch| convention.read(touch.position, touch.quaternion);
     let sent = Images {
         simulator: setup.object,
+        stop: setup.stop,
         poses: touches.iter().map(read).collect(),
         measured: images.to_vec(),
         object_from_session: Pose::IDENTITY,
@@ -327,29 +339,6 @@ fn place_after(taxel: usize, order: ImageOrder, setup: &Setup<'_>) -> usize {
 fn logarithmic(described: f64, ln: f64, deviation: f64) -> Estimate {
     let value = described * ln.exp();
     Estimate { value, deviation: value * deviation.min(10.0) }
-}
-
-fn tool_center(found: &[f64; N], deviations: &[f64], residual: f64) -> ToolCenter {
-    let estimate = |at: usize, floor: f64| Estimate {
-        value: found[at],
-        deviation: deviations[at].hypot(floor),
-    };
-    let offset: [Estimate; 3] = std::array::from_fn(|at| estimate(at, OFFSET_FLOOR));
-    let turn: [Estimate; 3] = std::array::from_fn(|at| estimate(at + 3, TILT_FLOOR));
-    let length = |of: &[Estimate; 3]| DVec3::from_array(of.map(|e| e.value)).length();
-    let is_certain = |of: &[Estimate; 3]| of.iter().any(|e| e.value.abs() > CERTAIN * e.deviation);
-    let is_off = |of: &[Estimate; 3], needed: f64| length(of) > needed && is_certain(of);
-    let is_open = |of: &[Estimate; 3], prior: f64| of.iter().any(|e| e.deviation > OPEN * prior);
-    let verdict = if residual > RESIDUAL_MAX {
-        Verdict::Undetermined
-    } else if is_off(&offset, OFFSET_NEEDED) || is_off(&turn, TILT_NEEDED) {
-        Verdict::Wrong
-    } else if is_open(&offset, TOOL_OFFSET) || is_open(&turn, TOOL_TILT) {
-        Verdict::Undetermined
-    } else {
-        Verdict::Right
-    };
-    ToolCenter { sent_from_true: tool(found), offset, turn, verdict }
 }
 
 /// Measured and modelled image of every touch; 0 for taxels without a value.

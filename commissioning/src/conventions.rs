@@ -3,11 +3,12 @@
 //! Each convention is scored by the best place of the object. Equation C3.
 
 use glam::DVec3;
+use palpate_core::convention::{PoseConvention, PositionUnit};
 use palpate_core::pose::Pose;
 
 use crate::estimate::{Choice, posterior};
 use crate::surface::{Placed, SurfaceSearch};
-use crate::touch::{PoseConvention, PositionUnit, SentTouch};
+use crate::touch::SentTouch;
 
 /// Prior probability of the stated convention. Chosen: as for the unit of pressure.
 const STATED: f64 = 0.9;

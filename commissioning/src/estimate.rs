@@ -1,17 +1,8 @@
-//! Findings in general: a number with its deviation, and a choice with its probability.
+//! Findings in general: a choice with its probability, and the consequence of a finding.
 
 /// Probability from which a choice counts as determined. Chosen: one undetected error in twenty
 /// is what the goals of the experiment `commissioning` permit.
 pub const DETERMINED: f64 = 0.95;
-
-/// A number and its standard deviation.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Estimate {
-    /// The likeliest value.
-    pub value: f64,
-    /// Its standard deviation, in the same unit.
-    pub deviation: f64,
-}
 
 /// One of several discrete possibilities.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -7,6 +7,7 @@ use glam::{DQuat, DVec3};
 use palpate_core::pose::Pose;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::{Coupling, CoveringEdge, SensorDescription, SensorParameters};
+use palpate_core::stop::Stop;
 use palpate_core::units::{DEG, MM};
 use palpate_sim::press::{Load, PressSimulator};
 
@@ -45,6 +46,7 @@ pub struct Edge {
 /// Measured images and the poses at which they were taken.
 pub(crate) struct Images<'a> {
     pub(crate) simulator: &'a PressSimulator,
+    pub(crate) stop: &'a Stop,
     /// `session_from_sensor` as sent, in the convention found.
     pub(crate) poses: Vec<Pose>,
     /// One image a touch; `None` for missing or dead taxels.
@@ -79,6 +81,7 @@ impl Images<'_> {
 
     /// Misfits of every taxel of every touch in units of their deviation; 0 for missing ones.
     pub(crate) fn residuals(&self, values: &[f64; N]) -> Vec<f64> {
+        self.stop.check();
         let parameters = self.simulator.sensor().parameters();
         let electronics = parameters.noise.powi(2) + parameters.quantisation.powi(2) / 12.0;
         let mut all = Vec::with_capacity(self.measured.len() * parameters.grid.n_taxels());

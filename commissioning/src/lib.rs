@@ -15,5 +15,7 @@ mod images;
 mod order;
 mod covering;
 mod taxels;
+pub mod tool_center;
 pub mod commission;
 pub mod passport;
+pub mod mistakes;

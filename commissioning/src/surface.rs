@@ -7,6 +7,7 @@
 use glam::{DMat3, DQuat, DVec3};
 use palpate_core::pose::Pose;
 use palpate_core::rng::{Purpose, Stream};
+use palpate_core::stop::Stop;
 use palpate_core::units::{DEG, MM};
 use palpate_sim::press::PressSimulator;
 
@@ -51,6 +52,7 @@ pub(crate) struct Placed {
 /// The object's surface with a table of its point pairs.
 pub(crate) struct SurfaceSearch<'a> {
     simulator: &'a PressSimulator,
+    stop: &'a Stop,
     points: Vec<(DVec3, DVec3)>,
     /// Key of the features, and both points; sorted.
     pairs: Vec<(u64, u16, u16)>,
@@ -58,7 +60,7 @@ pub(crate) struct SurfaceSearch<'a> {
 }
 
 impl<'a> SurfaceSearch<'a> {
-    pub(crate) fn new(simulator: &'a PressSimulator, seed: u64) -> Self {
+    pub(crate) fn new(simulator: &'a PressSimulator, seed: u64, stop: &'a Stop) -> Self {
         let mut stream = Stream::new(seed, Purpose::Commissioning, 0);
         let drawn = (0..POINTS).map(|_| simulator.draw_point(&mut stream));
         let points: Vec<(DVec3, DVec3)> = drawn.map(|at| (at.point, at.normal)).collect();
@@ -70,7 +72,7 @@ impl<'a> SurfaceSearch<'a> {
             }
         }
         pairs.sort_unstable();
-        Self { simulator, points, pairs, bin }
+        Self { simulator, stop, points, pairs, bin }
     }
 
     /// The likeliest places of the object, best first, for touches at these poses.
@@ -185,6 +187,7 @@ impl<'a> SurfaceSearch<'a> {
     }
 
     fn misfit_of(&self, touches: &[(DVec3, DVec3)], object_from_session: Pose) -> f64 {
+        self.stop.check();
         let misfit = |(point, outward): &(DVec3, DVec3)| {
             let (at, outward) = (object_from_session * *point, object_from_session.turn(*outward));
             let (nearest, normal) = self.simulator.nearest(at);

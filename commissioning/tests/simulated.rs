@@ -9,14 +9,15 @@ use palpate_commissioning::commission::{
     CommissionError, Findings, ORDERS, PressureUnit, Setup, TaxelFault, commission,
 };
 use palpate_commissioning::estimate::Verdict;
-use palpate_commissioning::passport::Passport;
-use palpate_commissioning::touch::{
-    PoseConvention, PoseDirection, PositionUnit, QuaternionOrder, SentTouch,
-};
+use palpate_commissioning::mistakes::Mistake;
+use palpate_commissioning::passport::{corrected, passport};
+use palpate_commissioning::touch::SentTouch;
+use palpate_core::convention::{PoseConvention, PoseDirection, PositionUnit, QuaternionOrder};
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::{SensorDescription, SensorFamily, SensorKnowledge};
+use palpate_core::stop::Stop;
 use palpate_core::units::{DEG, MM};
 use palpate_sim::mesh::Mesh;
 use palpate_sim::press::PressSimulator;
@@ -56,7 +57,8 @@ fn sent(readings: &[Reading], convention: PoseConvention, tool: Pose) -> Vec<Sen
 
 fn found(object: &PressSimulator, touches: &[SentTouch], is_placed: bool) -> Findings {
     let session_from_object = is_placed.then(somewhere);
-    commission(&Setup { object, session_from_object, touches, seed: 1 }).unwrap()
+    commission(&Setup { object, session_from_object, touches, seed: 1, stop: &Stop::never() })
+        .unwrap()
 }
 
 #[test]
@@ -100,25 +102,27 @@ fn touches_corrected_by_a_passport_are_right() {
     for touch in &mut touches {
         touch.pressures = ORDERS[5].of_driver(&touch.pressures, 6, 6);
     }
-    let passport = Passport::of(&found(&object, &touches, true), object.sensor());
-    assert!(!passport.changes_nothing(object.sensor()));
-    let corrected: Vec<SentTouch> =
-        touches.iter().map(|touch| passport.corrected(touch, object.sensor())).collect();
-    let findings = found(&object, &corrected, true);
+    let found_passport = passport(&found(&object, &touches, true), object.sensor());
+    assert!(!found_passport.changes_nothing(object.sensor()));
+    let right: Vec<SentTouch> =
+        touches.iter().map(|touch| corrected(&found_passport, touch, object.sensor())).collect();
+    let findings = found(&object, &right, true);
     assert_eq!(findings.wrong(), [""; 0]);
-    assert!(Passport::of(&findings, object.sensor()).changes_nothing(object.sensor()));
+    assert!(passport(&findings, object.sensor()).changes_nothing(object.sensor()));
     // The measured sensor explains the images without further changes of gain and spread.
-    let measured =
-        PressSimulator::new(object.mesh().clone(), passport.description(object.sensor()).unwrap());
+    let measured = PressSimulator::new(
+        object.mesh().clone(),
+        found_passport.description(object.sensor()).unwrap(),
+    );
     let ordered: Vec<SentTouch> = touches
         .iter()
-        .zip(&corrected)
+        .zip(&right)
         .map(|(touch, right)| SentTouch { pressures: touch.pressures.clone(), ..right.clone() })
         .collect();
     let again = found(&measured, &ordered, true);
     assert_eq!(again.wrong(), [""; 0]);
     assert!((again.gain.value - 1.0).abs() < 0.2, "{:?}", again.gain);
-    let ranges = passport.ranges(object.sensor());
+    let ranges = found_passport.ranges(object.sensor());
     let (low, high) = ranges.spread_factor.unwrap();
     assert!(ranges.check().is_ok() && low < 1.0 && high > 1.0 && high < 1.8, "{ranges:?}");
 }
@@ -171,11 +175,43 @@ fn height_is_open_if_one_face_of_a_plate_is_touched() {
 }
 
 #[test]
+fn a_place_that_does_not_fit_is_searched_again() {
+    // The first search of these touches with seed 1 leaves a residual of 0.25, with seed 3 of 0.15.
+    let object = hammer();
+    let config = SamplerConfig::for_simulator(&object);
+    let mut go_on = |_: usize, _: usize| ControlFlow::Continue(());
+    let readings = sample(&object, SensorId(0), 20, 5, &config, &mut go_on).unwrap();
+    let none = Mistake::none();
+    let one = |reading| none.sent(reading, Pose::IDENTITY, object.sensor());
+    let touches: Vec<SentTouch> = readings.iter().map(one).collect();
+    for seed in [1, 3] {
+        let stop = &Stop::never();
+        let setup =
+            Setup { object: &object, session_from_object: None, touches: &touches, seed, stop };
+        let findings = commission(&setup).unwrap();
+        assert!(findings.residual.1 < 0.05, "{:?}", findings.residual);
+        assert!(findings.is_right(), "{:?}", findings.wrong());
+    }
+}
+
+#[test]
+fn a_requested_stop_ends_the_computation() {
+    let object = hammer();
+    let touches = sent(&touched(&object, 3), PoseConvention::STATED, Pose::IDENTITY);
+    let stop = &Stop::possible();
+    stop.ask();
+    let setup =
+        Setup { object: &object, session_from_object: None, touches: &touches, seed: 1, stop };
+    assert_eq!(commission(&setup), Err(CommissionError::Stopped));
+}
+
+#[test]
 fn touches_that_cannot_be_used_are_named() {
     let object = hammer();
     let mut touches = sent(&touched(&object, 3), PoseConvention::STATED, Pose::IDENTITY);
     let error = |touches: &[SentTouch]| {
-        commission(&Setup { object: &object, session_from_object: None, touches, seed: 1 })
+        let stop = &Stop::never();
+        commission(&Setup { object: &object, session_from_object: None, touches, seed: 1, stop })
             .unwrap_err()
     };
     assert_eq!(error(&touches[..7]), CommissionError::Count { found: 7 });

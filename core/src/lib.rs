@@ -10,6 +10,7 @@ pub mod rng;
 pub mod log_prob;
 pub mod exponential;
 pub mod pose;
+pub mod convention;
 pub mod sensor;
 pub mod reading;
 pub mod contact;

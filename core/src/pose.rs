@@ -77,6 +77,16 @@ impl Pose {
         Ok(Self { rotation: rotation.normalize(), translation: DVec3::from_array(position) })
     }
 
+    /// A pose bit by bit as stored: checked, but not normalised again, so that a repeated one
+    /// equals the stored one.
+    ///
+    /// # Errors
+    /// As [`Pose::new`].
+    pub fn stored(position: [f64; 3], quaternion_xyzw: [f64; 4]) -> Result<Self, PoseError> {
+        let checked = Self::new(position, quaternion_xyzw)?;
+        Ok(Self { rotation: DQuat::from_array(quaternion_xyzw), ..checked })
+    }
+
     /// A pose from parts that are valid already; the rotation is normalised.
     #[must_use]
     pub fn from_parts(rotation: DQuat, translation: DVec3) -> Self {

@@ -11,7 +11,7 @@ use thiserror::Error;
 
 use self::point_contact::PointContact;
 use crate::pose::Pose;
-use crate::sensor::{Calibration, SensorDescription};
+use crate::sensor::{Correction, SensorDescription};
 use crate::units::Shown;
 
 /// The sensor that took a reading.
@@ -154,32 +154,47 @@ impl Reading {
         pressures: &[Option<f64>],
         session_from_sensor: Pose,
     ) -> Result<Self, ReadingError> {
-        Self::calibrated(sensor, description, None, pressures, session_from_sensor)
+        let ordered = checked(description, pressures)?;
+        Self::filled(sensor, description, &ordered, session_from_sensor)
     }
 
-    /// Like [`Reading::new`], with the pressures corrected by a calibration of the sensor
-    /// (equation 2.1); taxels that it excludes count as missing.
+    /// Like [`Reading::new`], with the pressures and the pose corrected: by taxel lines
+    /// (equation 2.1), then by a passport. Taxels that either excludes count as missing.
     ///
     /// # Errors
-    /// As [`Reading::new`].
-    pub fn calibrated(
+    /// As [`Reading::new`]; the range also holds for corrected pressures.
+    pub fn corrected(
         sensor: SensorId,
         description: &SensorDescription,
-        calibration: Option<&Calibration>,
+        correction: &Correction,
         pressures: &[Option<f64>],
+        sent: Pose,
+    ) -> Result<Self, ReadingError> {
+        let lined = after_lines(description, correction, pressures)?;
+        let ordered = match &correction.passport {
+            None => in_order(description, &lined),
+            Some(passport) => {
+                let pascals = |p: &Option<f64>| p.map(|p| p * passport.pascals);
+                bounded(&lined.iter().map(pascals).collect::<Vec<_>>())?;
+                passport.image(&lined, description.grid())
+            }
+        };
+        Self::filled(sensor, description, &ordered, correction.pose(sent))
+    }
+
+    fn filled(
+        sensor: SensorId,
+        description: &SensorDescription,
+        ordered: &[Option<f64>],
         session_from_sensor: Pose,
     ) -> Result<Self, ReadingError> {
-        let mut ordered = checked(description, pressures)?;
-        if let Some(calibration) = calibration {
-            calibration.correct(&mut ordered);
-        }
         let (rows, cols) = (description.grid().rows, description.grid().cols);
         let missing: Vec<bool> = ordered.iter().map(Option::is_none).collect();
         let n_missing = missing.iter().filter(|missing| **missing).count();
         if 2 * n_missing > ordered.len() {
             return Err(ReadingError::Missing { missing: n_missing, expected: ordered.len() });
         }
-        let pressures = fill_missing(&ordered, rows, cols);
+        let pressures = fill_missing(ordered, rows, cols);
         let image = TactileImage { rows, cols, pressures };
         Ok(Self { sensor, session_from_sensor, image, missing, approach: 0.0, base: None })
     }
@@ -256,14 +271,37 @@ pub fn checked(
     if pressures.len() != expected {
         return Err(ReadingError::TaxelCount { expected, found: pressures.len(), rows, cols });
     }
-    for (taxel, pressure) in pressures.iter().enumerate() {
-        if let Some(found) = *pressure
-            && !(found.is_finite() && found.abs() <= 1e8)
-        {
-            return Err(ReadingError::Pressure { taxel, found });
-        }
-    }
-    Ok(description.parameters().image_order.row_major(pressures, rows, cols))
+    bounded(pressures)?;
+    Ok(in_order(description, pressures))
+}
+
+/// The image of a driver after the taxel lines of a correction, in the driver's order and unit.
+///
+/// # Errors
+/// As [`checked`].
+pub fn after_lines(
+    description: &SensorDescription,
+    correction: &Correction,
+    pressures: &[Option<f64>],
+) -> Result<Vec<Option<f64>>, ReadingError> {
+    let mut ordered = checked(description, pressures)?;
+    let Some(lines) = &correction.lines else { return Ok(pressures.to_vec()) };
+    lines.correct(&mut ordered);
+    let grid = description.grid();
+    Ok(description.parameters().image_order.of_driver(&ordered, grid.rows, grid.cols))
+}
+
+fn in_order(description: &SensorDescription, pressures: &[Option<f64>]) -> Vec<Option<f64>> {
+    let grid = description.grid();
+    description.parameters().image_order.row_major(pressures, grid.rows, grid.cols)
+}
+
+fn bounded(pressures: &[Option<f64>]) -> Result<(), ReadingError> {
+    let is_wrong = |found: f64| !(found.is_finite() && found.abs() <= 1e8);
+    let wrong = pressures.iter().enumerate().find_map(|(taxel, pressure)| {
+        pressure.filter(|found| is_wrong(*found)).map(|found| (taxel, found))
+    });
+    wrong.map_or(Ok(()), |(taxel, found)| Err(ReadingError::Pressure { taxel, found }))
 }
 
 fn fill_missing(ordered: &[Option<f64>], rows: usize, cols: usize) -> Vec<f64> {

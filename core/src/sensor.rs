@@ -1,4 +1,4 @@
-//! Tactile array sensors: their description, calibration and point spread.
+//! Tactile array sensors: their description, calibration, passport and point spread.
 
 pub mod arrays;
 pub mod calibration;
@@ -12,13 +12,17 @@ pub mod line;
 pub mod point_spread;
 pub mod presets;
 pub mod ranges;
+pub mod passport;
+pub mod correction;
 pub mod response;
 pub mod spread_fit;
 
 pub use calibration::{Calibration, TaxelResponse, TaxelState};
+pub use correction::Correction;
 pub use coupling::{Coupling, CoveringEdge, SpreadKernel};
 pub use description::{ImageOrder, SensorDescription, SensorError, SensorParameters, TaxelGrid};
 pub use family::{SensorFamily, SensorKnowledge};
 pub use force_curve::ForceCurve;
+pub use passport::{Estimate, Passport};
 pub use presets::Preset;
 pub use ranges::{SensorRanges, StatedRanges};

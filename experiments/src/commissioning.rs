@@ -4,18 +4,18 @@
 //! not the description, and sends the touches with none, one or two mistakes. The object's pose
 //! is stated in every other draw.
 
-mod mistakes;
-
 use std::ops::ControlFlow;
 
 use anyhow::Context as _;
 use clap::Args;
 use palpate_commissioning::commission::{Findings, Setup, commission};
 use palpate_commissioning::estimate::Verdict;
+use palpate_commissioning::mistakes::{Kind, Mistake};
 use palpate_core::pose::Pose;
 use palpate_core::reading::SensorId;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::{SensorDescription, SensorFamily, SensorKnowledge};
+use palpate_core::stop::Stop;
 use palpate_core::units::{DEG, MM};
 use palpate_sim::plot::svg;
 use palpate_sim::press::PressSimulator;
@@ -27,7 +27,6 @@ use crate::arguments::{ObjectSet, count};
 use crate::objects::TestObject;
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::median;
-use mistakes::{Kind, Mistake};
 
 /// Every fifth draw has no mistake.
 const RIGHT_EVERY: usize = 5;
@@ -130,6 +129,7 @@ fn draw(
         session_from_object: is_placed.then_some(session_from_object),
         touches: &touches,
         seed: config.seed,
+        stop: &Stop::never(),
     };
     let findings = commission(&setup)?;
     Ok(Draw { object: object.name.clone(), is_placed, mistake, findings })

@@ -243,9 +243,9 @@ fn try_in(
         tools.flat_map(|tool| trained.iter().map(move |one| (tool, one))).collect();
     let play = |(tool_mm, trained): &(f64, &Trained)| {
         let (method, offset) = (trained.method, tool_mm * MM);
-        let play = |recogniser: &Recogniser, known: &[_], others: &[_], disturbance| {
+        let play = |recogniser: &Recogniser, sensor, known: &[_], others: &[_], disturbance| {
             let sessions = |test, symmetries| Sessions {
-                sensor: described,
+                sensor,
                 test,
                 symmetries,
                 seed: config.seed,
@@ -262,12 +262,13 @@ fn try_in(
             Ok(Tried { method, world: world.name.to_owned(), tool_mm: *tool_mm, known, foreign })
         };
         if let Some(recogniser) = &trained.recogniser {
-            return play(recogniser, &known, &others, Disturbance::Tool { offset });
+            let tool = Disturbance::Tool { offset };
+            return play(recogniser, described, &known, &others, tool);
         }
         let sensor = Commissioned::new(described, &world.sensing, offset, seed)?;
-        let recogniser = train(config, objects, symmetries, &sensor.family()?)?;
+        let recogniser = train(config, objects, symmetries, &sensor.family())?;
         let (known, others) = (sensor.corrected(&known)?, sensor.corrected(&others)?);
-        play(&recogniser, &known, &others, Disturbance::None)
+        play(&recogniser, &sensor.measured, &known, &others, Disturbance::None)
     };
     cases.par_iter().map(play).collect()
 }

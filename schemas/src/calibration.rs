@@ -83,6 +83,9 @@ pub struct SensorCalibration {
     pub sensor: Uuid,
     /// Number of the calibration, from 1 per sensor.
     pub number: u32,
+    /// Number of the calibration whose passport applies after these lines; null if there is none.
+    #[serde(default)]
+    pub passport: Option<u32>,
     /// The response line to which every usable taxel is corrected.
     pub target: ResponseLine,
     /// Fit of the measured responses to the target line.

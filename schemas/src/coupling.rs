@@ -83,6 +83,10 @@ pub enum SensorKnowledge {
     /// Only the grid is right; the other numbers are guesses. As `data_sheet`, with ranges about
     /// twice as wide: recognition needs more touches.
     Unknown,
+    /// Touches of a known object measured the sensor on its robot: meshes are pressed with sensors
+    /// drawn from what its passport leaves open. The default of trainings with a sensor that has a
+    /// passport; sensors cannot be created with it.
+    Commissioned,
 }
 
 impl SensorKnowledge {
@@ -93,6 +97,7 @@ impl SensorKnowledge {
             Self::Measured => "measured",
             Self::DataSheet => "data_sheet",
             Self::Unknown => "unknown",
+            Self::Commissioned => "commissioned",
         }
     }
 }

@@ -35,8 +35,11 @@ pub struct SessionReading {
     /// counts.
     #[serde(default)]
     pub retraction_written_by: Option<Writer>,
-    /// The sensor's pose in the session frame; null if unknown.
+    /// The sensor's pose in the session frame as it was sent; null if unknown.
     pub pose: Option<Pose>,
+    /// The pose after the correction by the sensor's passport; null if that changed nothing.
+    #[serde(default)]
+    pub corrected_pose: Option<Pose>,
     /// Pressures in pascal, as sent; empty for a contact without an image.
     pub image: Vec<Option<f64>>,
     /// The contact of a reading without an image; null for one with an image.

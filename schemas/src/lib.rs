@@ -25,6 +25,7 @@ pub mod history;
 pub mod object;
 pub mod sensor;
 pub mod sensor_health;
+pub mod commissioning;
 pub mod session;
 pub mod fleet;
 pub mod storage;
@@ -47,6 +48,11 @@ pub use calibration::{
     CalibrateSensor, CalibrationQuery, ResponseGoodness, ResponseLine, ResponsePress,
     SensorCalibration, SpreadCalibration, SpreadPress, SpreadPresses, TaxelCalibration, TaxelPlace,
     TaxelState,
+};
+pub use commissioning::{
+    CommissionSensor, CommissionedTouch, Commissioning, CommissioningReading, Finding, FindingName,
+    FindingVerdict, Measured, Passport, PoseDirection, QuaternionOrder, ReferenceBodies,
+    ReferenceBody, ReferenceBodyName, SensorPassport, ToolCenterEstimate,
 };
 pub use coupling::{
     Coupling, CoveringEdge, NumberRange, SensorKnowledge, SensorRanges, SpreadKernel,

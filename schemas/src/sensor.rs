@@ -24,6 +24,10 @@ pub struct Sensor {
     /// Number of the newest calibration, which applies to new readings; null if there is none.
     #[serde(default)]
     pub calibration: Option<u32>,
+    /// Number of the calibration that brought the passport which applies to new readings; null if
+    /// the sensor was not commissioned.
+    #[serde(default)]
+    pub passport: Option<u32>,
     /// When the sensor was created.
     #[schema(format = DateTime)]
     pub created_at: String,
@@ -300,7 +304,11 @@ pub struct ReadingCheck {
     /// Number of the calibration applied to `image`; null if the sensor has none.
     #[serde(default)]
     pub calibration: Option<u32>,
-    /// Taxels that the calibration excludes (dead or cross-wired), as indices into `image`.
+    /// Number of the calibration whose passport corrected image and pose; null if none did.
+    #[serde(default)]
+    pub passport: Option<u32>,
+    /// Taxels that the calibration or the passport excludes (dead or cross-wired), as indices into
+    /// `image`.
     #[serde(default)]
     pub unusable: Vec<u32>,
     /// Anything unusual about the reading, in words, including `warnings`.

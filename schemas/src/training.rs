@@ -126,8 +126,9 @@ pub struct TrainingReport {
     #[serde(default)]
     pub uncalibrated_reason: Option<UncalibratedReason>,
     /// Trust in the description of the sensor that pressed the meshes: with `measured` the version
-    /// and its calibration hold for exactly the described sensor, with `data_sheet` or
-    /// `unknown` for every sensor that the description may stand for. Null if no mesh was pressed, and for versions
+    /// and its calibration hold for exactly the described sensor, with `data_sheet` and `unknown` for
+    /// every sensor that the description may stand for, with `commissioned` for those that the
+    /// passport of the sensor leaves open. Null if no mesh was pressed, and for versions
     /// trained before this was reported, whose meshes were pressed as with `measured`.
     #[serde(default)]
     pub sensor_knowledge: Option<SensorKnowledge>,
@@ -263,8 +264,8 @@ pub struct StartTraining {
     /// own are trained from those. Default: `digitacts-6x6`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensor: Option<String>,
-    /// Trust in that sensor's description, which decides how meshes are pressed. Default: that of
-    /// the sensor.
+    /// Trust in that sensor's description, which decides how meshes are pressed. Default:
+    /// `commissioned` if the sensor has a passport, else that of the sensor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensor_knowledge: Option<SensorKnowledge>,
     /// Number of simulated readings per object that has only a mesh, 20 to 20000. Default: 1000.

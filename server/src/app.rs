@@ -19,6 +19,7 @@ use crate::refusal::Refusal;
 use crate::roles::Operations;
 use crate::services::audit::Audit;
 use crate::services::catalogues::Catalogues;
+use crate::services::commissionings::Commissionings;
 use crate::services::jobs::Jobs;
 use crate::services::keys::Keys;
 use crate::services::objects::Objects;
@@ -39,6 +40,7 @@ pub(crate) struct Parts {
     pub(crate) rates: Option<Rates>,
     pub(crate) sensors: Arc<Sensors>,
     pub(crate) objects: Arc<Objects>,
+    pub(crate) commissionings: Commissionings,
     pub(crate) catalogues: Arc<Catalogues>,
     pub(crate) jobs: Arc<Jobs>,
     pub(crate) sessions: Arc<Sessions>,

@@ -6,10 +6,14 @@
 use std::sync::Arc;
 
 use dashmap::DashMap;
-use palpate_core::sensor::Calibration;
+use glam::DVec3;
+use palpate_core::pose::Pose;
+use palpate_core::sensor::{Correction, Passport, SensorError, SensorKnowledge};
+use palpate_store::calibration::StoredCalibration;
 use palpate_store::database::Database;
-use palpate_store::entity::Sensor;
+use palpate_store::entity::{Sensor, StoredReading};
 use palpate_store::error::StoreError;
+use palpate_store::journal::{Entry, Event};
 use thiserror::Error;
 use uuid::Uuid;
 
@@ -19,7 +23,7 @@ use crate::wire::reading::{Applied, Source};
 pub(crate) struct KnownSensors {
     store: Database,
     sensors: DashMap<String, Arc<Sensor>>,
-    calibrations: DashMap<(Uuid, u32), Arc<Calibration>>,
+    calibrations: DashMap<(Uuid, u32), Applied>,
     /// The number of each sensor's newest calibration; 0 when it has none.
     newest: DashMap<Uuid, u32>,
 }
@@ -31,6 +35,8 @@ pub(crate) enum UnknownSensor {
     Sensor { reference: String },
     #[error("calibration {number} of sensor {sensor} is missing")]
     Calibration { sensor: Uuid, number: u32 },
+    #[error("calibration {number} has a passport of no possible sensor: {source}")]
+    World { number: u32, source: SensorError },
     #[error(transparent)]
     Store(#[from] StoreError),
 }
@@ -89,26 +95,55 @@ impl KnownSensors {
                 *self.newest.entry(sensor).or_insert(number)
             }
         };
-        Ok(self.calibration(sensor, number)?.map(|calibration| Applied { number, calibration }))
+        self.applied(sensor, number)
     }
 
-    /// The calibration with the number in a stored reading; 0 is none.
-    pub(crate) fn calibration(
+    /// The sensor as its newest passport measured it; without one as described.
+    pub(crate) fn interpreted(&self, sensor: Arc<Sensor>) -> Result<Arc<Sensor>, UnknownSensor> {
+        let newest = self.newest(sensor.id)?;
+        Ok(newest.map_or(sensor, |applied| applied.sensor))
+    }
+
+    /// The correction of a stored reading, by the calibration that it names.
+    pub(crate) fn correction(
+        &self,
+        reading: &StoredReading,
+    ) -> Result<Option<Arc<Correction>>, UnknownSensor> {
+        let applied = self.applied(reading.sensor, reading.calibration)?;
+        Ok(applied.map(|applied| applied.correction))
+    }
+
+    /// The pose of a stored reading's sensor after its correction, if it has one.
+    pub(crate) fn pose(&self, reading: &StoredReading) -> Result<Option<Pose>, UnknownSensor> {
+        let Some(sent) = reading.session_from_sensor else { return Ok(None) };
+        let correction = self.correction(reading)?;
+        Ok(Some(correction.map_or(sent, |correction| correction.pose(sent))))
+    }
+
+    /// The place of an entry (m); `None` if it is not a reading or has none.
+    pub(crate) fn place_of(&self, entry: &Entry) -> Result<Option<DVec3>, UnknownSensor> {
+        let Event::Reading(reading) = &entry.event else { return Ok(None) };
+        let pose = self.pose(reading)?.map(|pose| pose.translation);
+        Ok(pose.or(reading.contact.map(|contact| DVec3::from_array(contact.position))))
+    }
+
+    /// The calibration with a number; 0 is none.
+    pub(crate) fn applied(
         &self,
         sensor: Uuid,
         number: u32,
-    ) -> Result<Option<Arc<Calibration>>, UnknownSensor> {
+    ) -> Result<Option<Applied>, UnknownSensor> {
         if number == 0 {
             return Ok(None);
         }
         if let Some(known) = self.calibrations.get(&(sensor, number)) {
-            return Ok(Some(Arc::clone(&known)));
+            return Ok(Some(known.clone()));
         }
         let stored = self.store.calibrations().find(sensor, number)?;
         let stored = stored.ok_or(UnknownSensor::Calibration { sensor, number })?;
-        let calibration = Arc::new(stored.calibration);
-        self.calibrations.insert((sensor, number), Arc::clone(&calibration));
-        Ok(Some(calibration))
+        let applied = applied(&stored, self.get(&sensor.to_string())?)?;
+        self.calibrations.insert((sensor, number), applied.clone());
+        Ok(Some(applied))
     }
 
     /// Registers the number of a new calibration.
@@ -116,4 +151,26 @@ impl KnownSensors {
         let newest = self.newest.entry(sensor);
         newest.and_modify(|newest| *newest = number.max(*newest)).or_insert(number);
     }
+}
+
+fn applied(stored: &StoredCalibration, sensor: Arc<Sensor>) -> Result<Applied, UnknownSensor> {
+    let number = stored.number;
+    let world = stored.passport.as_ref().map(|stored| measured(&stored.passport, &sensor));
+    let world = world.transpose().map_err(|source| UnknownSensor::World { number, source })?;
+    Ok(Applied {
+        number,
+        passport: stored.passport.as_ref().map(|passport| passport.since),
+        correction: Arc::new(stored.correction()),
+        sensor: world.map_or(sensor, Arc::new),
+    })
+}
+
+/// A sensor as its passport measured it, with the ranges that this leaves open.
+fn measured(passport: &Passport, sensor: &Sensor) -> Result<Sensor, SensorError> {
+    Ok(Sensor {
+        description: passport.description(&sensor.description)?,
+        knowledge: SensorKnowledge::DataSheet,
+        ranges: passport.ranges(&sensor.description),
+        ..sensor.clone()
+    })
 }

@@ -202,7 +202,7 @@ fn cause(error: &Cause) -> Answer {
         Cause::Store(error) | Cause::UnknownSensor(UnknownSensor::Store(error)) => store(error),
         Cause::Compute(ComputeError::Panicked)
         | Cause::Unusable { .. }
-        | Cause::UnknownSensor(UnknownSensor::Calibration { .. })
+        | Cause::UnknownSensor(UnknownSensor::Calibration { .. } | UnknownSensor::World { .. })
         | Cause::Panicked => ProblemType::Internal.into(),
     }
 }

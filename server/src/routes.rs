@@ -4,6 +4,7 @@
 pub(crate) mod analyses;
 pub(crate) mod audit;
 mod blocks;
+pub(crate) mod commissioning;
 mod documented;
 pub(crate) mod events;
 pub(crate) mod history;
@@ -39,6 +40,10 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(sensors::check_reading))
         .routes(routes!(sensors::get_calibration, sensors::calibrate_sensor))
         .routes(routes!(sensor_health::get_sensor_health))
+        .routes(routes!(commissioning::commission_sensor))
+        .routes(routes!(commissioning::get_passport))
+        .routes(routes!(commissioning::list_reference_bodies))
+        .routes(routes!(commissioning::get_reference_mesh))
         .routes(routes!(analyses::analyse_coverings))
         .routes(routes!(objects::list_objects, objects::create_object))
         .routes(routes!(objects::get_object, objects::update_object, objects::delete_object))

@@ -29,6 +29,7 @@ use crate::roles::Operations;
 use crate::router::router;
 use crate::services::audit::{Audit, is_essential};
 use crate::services::catalogues::Catalogues;
+use crate::services::commissionings::Commissionings;
 use crate::services::integrity;
 use crate::services::jobs::Jobs;
 use crate::services::keys::Keys;
@@ -299,6 +300,12 @@ async fn assemble(
     sensors.add_presets().await?;
     let objects = Objects::new(store.clone(), Arc::clone(&sensors), pool.clone(), &config);
     let objects = Arc::new(objects);
+    let commissionings = Commissionings::new(
+        store.clone(),
+        Arc::clone(&sensors),
+        Arc::clone(&objects),
+        pool.clone(),
+    );
     let (models_max, tables_max) = (config.model_memory_bytes_max, config.belief_memory_bytes_max);
     let catalogues = Arc::new(Catalogues::new(&store, pool.clone(), models_max, tables_max));
     let jobs = Arc::new(Jobs::new(
@@ -338,6 +345,7 @@ async fn assemble(
         rates,
         sensors,
         objects,
+        commissionings,
         catalogues,
         jobs,
         sessions,

@@ -7,6 +7,7 @@ pub(crate) mod sensors;
 pub(crate) mod keys;
 pub(crate) mod storage;
 pub(crate) mod objects;
+pub(crate) mod commissionings;
 pub(crate) mod catalogues;
 pub(crate) mod sessions;
 pub(crate) mod training;

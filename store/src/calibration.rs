@@ -1,15 +1,16 @@
 //! Calibrations of sensors: numbered from 1 for each sensor, added and never changed.
 //!
-//! A stored reading names the number of its calibration, so later measurements do not change
-//! its meaning.
+//! A calibration has the response lines of the taxels, a passport, or both: an addition of one
+//! keeps the other of the calibration before. A stored reading names the number of its
+//! calibration, so later measurements do not change its meaning.
 
 mod stored;
 
 use std::sync::Arc;
 
-use palpate_core::sensor::Calibration;
 use palpate_core::sensor::line::Goodness;
 use palpate_core::sensor::spread_fit::SpreadFit;
+use palpate_core::sensor::{Calibration, Correction, Passport};
 use uuid::Uuid;
 
 use crate::engine::{Commit, Engine, Expected};
@@ -23,13 +24,35 @@ const KEY_BYTES: usize = 25;
 /// Attempts of an addition under concurrent additions.
 const ADD_ATTEMPTS: usize = 64;
 
-/// A stored calibration: the correction, its data, and the quality of the fit.
+/// A stored calibration: what corrects readings that name its number.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StoredCalibration {
     /// The sensor.
     pub sensor: Uuid,
-    /// Number among the sensor's calibrations, from 1; set by [`Calibrations::add`].
+    /// Number among the sensor's calibrations, from 1.
     pub number: u32,
+    /// The response lines of the taxels.
+    pub lines: Option<StoredLines>,
+    /// The passport.
+    pub passport: Option<StoredPassport>,
+}
+
+impl StoredCalibration {
+    /// What applies to readings.
+    #[must_use]
+    pub fn correction(&self) -> Correction {
+        Correction {
+            lines: self.lines.as_ref().map(|lines| lines.calibration.clone()),
+            passport: self.passport.as_ref().map(|stored| stored.passport.clone()),
+        }
+    }
+}
+
+/// Response lines, their data, and the quality of the fit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StoredLines {
+    /// Number of the calibration that brought them; set by [`Calibrations::add`].
+    pub since: u32,
     /// The correction.
     pub calibration: Calibration,
     /// Fit of the measured responses to the target line.
@@ -42,6 +65,54 @@ pub struct StoredCalibration {
     pub spread: Option<StoredSpread>,
     /// Time of addition.
     pub created_at_ms: u64,
+}
+
+/// A passport, and the touches that it follows from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StoredPassport {
+    /// Number of the calibration that brought it; set by [`Calibrations::add`].
+    pub since: u32,
+    /// The correction.
+    pub passport: Passport,
+    /// The object that was touched: its name, or that of a reference body.
+    pub touched: String,
+    /// Id of the object; `None` for a reference body.
+    pub object: Option<Uuid>,
+    /// Number of touches.
+    pub n_touches: u32,
+    /// Residual with the set-up as stated and as found, as a share of a touch's largest pressure.
+    pub residual: (f64, f64),
+    /// Names of the findings that the touches did not determine.
+    pub undetermined: Vec<String>,
+    /// Time of addition.
+    pub created_at_ms: u64,
+}
+
+/// An addition to a sensor's calibrations.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Addition {
+    /// Response lines; the passport stays.
+    Lines(StoredLines),
+    /// A passport; the response lines stay.
+    Passport(StoredPassport),
+}
+
+impl Addition {
+    /// The sensor's calibration after `latest`.
+    fn after(&self, sensor: Uuid, latest: Option<StoredCalibration>) -> StoredCalibration {
+        let number = latest.as_ref().map_or(1, |latest| latest.number + 1);
+        let (lines, passport) = latest.map_or((None, None), |kept| (kept.lines, kept.passport));
+        match self {
+            Self::Lines(lines) => {
+                let lines = Some(StoredLines { since: number, ..lines.clone() });
+                StoredCalibration { sensor, number, lines, passport }
+            }
+            Self::Passport(passport) => {
+                let passport = Some(StoredPassport { since: number, ..passport.clone() });
+                StoredCalibration { sensor, number, lines, passport }
+            }
+        }
+    }
 }
 
 /// A fitted point spread and its data.
@@ -68,21 +139,23 @@ impl Calibrations {
         Self { engine }
     }
 
-    /// Stores a calibration under its sensor's next number and returns that number; durable
+    /// Stores an addition under its sensor's next number and returns that calibration; durable
     /// when it returns.
     ///
     /// # Errors
     /// [`StoreError::Changed`] only under endless concurrent additions; the engine's.
-    pub async fn add(&self, calibration: &StoredCalibration) -> Result<u32, StoreError> {
-        let sensor = calibration.sensor;
+    pub async fn add(
+        &self,
+        sensor: Uuid,
+        addition: &Addition,
+    ) -> Result<StoredCalibration, StoreError> {
         for _ in 0..ADD_ATTEMPTS {
-            let number = self.latest(sensor)?.map_or(1, |latest| latest.number + 1);
-            let numbered = StoredCalibration { number, ..calibration.clone() };
-            let head = key::numbered(Space::Calibration, sensor, u64::from(number));
+            let next = addition.after(sensor, self.latest(sensor)?);
+            let head = key::numbered(Space::Calibration, sensor, u64::from(next.number));
             let commit = Commit::new().expect(head.clone(), Expected::Absent);
-            let commit = pieces::put(commit, &head, &record::encode(&numbered), None);
+            let commit = pieces::put(commit, &head, &record::encode(&next), None);
             match self.engine.commit(commit).await.map_err(conflict) {
-                Ok(()) => return Ok(number),
+                Ok(()) => return Ok(next),
                 Err(Ok(_)) => {}
                 Err(Err(error)) => return Err(error.into()),
             }

@@ -3,6 +3,7 @@
 use palpate_core::pose::PoseError;
 use palpate_core::sensor::SensorError;
 use palpate_core::sensor::calibration::CalibrationError;
+use palpate_core::sensor::passport::PassportError;
 use thiserror::Error;
 use uuid::Uuid;
 
@@ -56,6 +57,9 @@ pub enum RecordError {
     /// The numbers are not a calibration.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
+    /// The numbers are not a passport.
+    #[error(transparent)]
+    Passport(#[from] PassportError),
     /// A piece of a large record is missing.
     #[error("piece {piece} of the record is missing")]
     Piece {

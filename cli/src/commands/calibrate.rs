@@ -65,7 +65,8 @@ pub(crate) async fn indent(
     ))
 }
 
-fn description(sensor: &Sensor) -> anyhow::Result<SensorDescription> {
+/// The sensor's description in core's form.
+pub(super) fn description(sensor: &Sensor) -> anyhow::Result<SensorDescription> {
     let given = &sensor.description;
     let knots = given.force_curve.iter().map(|knot| (knot.displacement, knot.pressure)).collect();
     Ok(SensorDescription::new(SensorParameters {

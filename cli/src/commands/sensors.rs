@@ -1,19 +1,22 @@
 //! `palpate sensors`: sensors and their calibrations.
 
+mod commission;
 mod coupling;
 mod health;
 
 use std::path::PathBuf;
 
+use anyhow::Context as _;
 use clap::{Args, Subcommand};
 use palpate_client::schemas::{
-    CalibrateSensor, CalibrationQuery, CreateSensor, DescribeSensor, PageQuery, Reading, Sensor,
-    SensorPreset,
+    CalibrateSensor, CalibrationQuery, CreateSensor, DescribeSensor, PageQuery, Reading,
+    ReadingCheck, ReferenceBody, ReferenceBodyName, Sensor, SensorPassport, SensorPreset,
 };
 
 use super::{Context, calibrate};
 use crate::json_file::read_json;
 use crate::output;
+use commission::CommissionArgs;
 use coupling::CouplingArgs;
 
 /// Arguments of `palpate sensors`.
@@ -89,6 +92,29 @@ enum Action {
         #[arg(long, default_value_t = 1)]
         seed: u64,
     },
+    /// Find out by touches of a known object what holds for a sensor on its robot.
+    #[command(
+        after_help = "Examples:\n  palpate sensors commission finger --object mug --readings - \
+        --apply\n  palpate sensors commission finger --reference ridge --simulate --mistake mirror"
+    )]
+    Commission(Box<CommissionArgs>),
+    /// List the bodies to print and commission with, or write the STL of one.
+    Reference {
+        /// Name of the body.
+        #[arg(value_enum)]
+        body: Option<ReferenceBodyName>,
+        /// File to write.
+        #[arg(long, value_name = "FILE", requires = "body")]
+        out: Option<PathBuf>,
+    },
+    /// Show a sensor's passport: what its readings are corrected by.
+    Passport {
+        /// Id or name of the sensor.
+        sensor: String,
+        /// Number of the calibration [default: the newest].
+        #[arg(long)]
+        number: Option<u32>,
+    },
     /// Show how the server interprets a reading: orientation, dead taxels, contact.
     Check {
         /// Id or name of the sensor.
@@ -110,7 +136,12 @@ pub(crate) async fn run(args: SensorsArgs, context: &Context) -> anyhow::Result<
         Action::Show { sensor } => {
             let sensor = client.sensor(&sensor).await?;
             output.answer(&sensor, |sensor| {
-                format!("{}\n{}", table(std::slice::from_ref(sensor)), coupling::words(sensor))
+                let known = coupling::words(sensor);
+                let passport = sensor.passport.map(|number| {
+                    format!("\ncommissioned: the passport of calibration {number} applies")
+                });
+                let passport = passport.unwrap_or_default();
+                format!("{}\n{known}{passport}", table(std::slice::from_ref(sensor)))
             })
         }
         Action::Add { name, preset, description, coupling } => {
@@ -147,31 +178,91 @@ pub(crate) async fn run(args: SensorsArgs, context: &Context) -> anyhow::Result<
             let said = calibrate::indent(client, &sensor, &out, seed).await?;
             output.answer(&out, |_| said)
         }
+        Action::Commission(args) => commission::run(*args, context).await,
+        Action::Reference { body, out } => reference(body, out, context).await,
+        Action::Passport { sensor, number } => {
+            let passport = client.passport(&sensor, &CalibrationQuery { number }).await?;
+            output.answer(&passport, passport_text)
+        }
         Action::Check { sensor, reading } => {
             let reading: Reading = read_json(reading)?;
             let check = client.check_reading(&sensor, &reading).await?;
-            output.answer(&check, |check| {
-                let mut lines = Vec::new();
-                for row in check.image.chunks(check.cols.max(1) as usize) {
-                    let taxels: Vec<_> = row.iter().map(|value| format!("{value:8.0}")).collect();
-                    lines.push(taxels.join(" "));
-                }
-                lines.push(format!(
-                    "{} taxels touch, {} are saturated, {} have no value; largest {:.0} Pa",
-                    check.contact.len(),
-                    check.saturated.len(),
-                    check.missing.len(),
-                    check.max_pressure
-                ));
-                if let Some(number) = check.calibration {
-                    let n = check.unusable.len();
-                    lines.push(format!("corrected with calibration {number}, which excludes {n}"));
-                }
-                lines.extend(check.hints.iter().map(|hint| format!("note: {hint}")));
-                lines.join("\n")
-            })
+            output.answer(&check, check_text)
         }
     }
+}
+
+/// Lists the reference bodies, or writes one.
+async fn reference(
+    body: Option<ReferenceBodyName>,
+    out: Option<PathBuf>,
+    context: &Context,
+) -> anyhow::Result<()> {
+    let (client, output) = (&context.client, context.output);
+    let Some(body) = body else {
+        let bodies = client.reference_bodies().await?;
+        return output.answer(&bodies, |bodies| {
+            let size = |body: &ReferenceBody| {
+                let sides: Vec<String> =
+                    body.size.iter().map(|side| format!("{:.0}", side * 1e3)).collect();
+                format!("{} mm", sides.join(" × "))
+            };
+            let row = |body: &ReferenceBody| {
+                let (tells, stands_on) = (body.tells.clone(), body.stands_on.clone());
+                [body.name.name().to_owned(), size(body), tells, stands_on]
+            };
+            output::table(["name", "size", "tells", "stands on"], bodies.items.iter().map(row))
+        });
+    };
+    let out = out.unwrap_or_else(|| PathBuf::from(format!("{}.stl", body.name())));
+    let file = client.reference_mesh(body).await?;
+    std::fs::write(&out, file).with_context(|| format!("cannot write {}", out.display()))?;
+    output.answer(&out, |out| format!("wrote {}, in millimetres", out.display()))
+}
+
+fn check_text(check: &ReadingCheck) -> String {
+    let mut lines = Vec::new();
+    for row in check.image.chunks(check.cols.max(1) as usize) {
+        let taxels: Vec<_> = row.iter().map(|value| format!("{value:8.0}")).collect();
+        lines.push(taxels.join(" "));
+    }
+    lines.push(format!(
+        "{} taxels touch, {} are saturated, {} have no value; largest {:.0} Pa",
+        check.contact.len(),
+        check.saturated.len(),
+        check.missing.len(),
+        check.max_pressure
+    ));
+    if let Some(number) = check.calibration {
+        let n = check.unusable.len();
+        lines.push(format!("corrected with calibration {number}, which excludes {n}"));
+    }
+    if let Some(number) = check.passport {
+        lines.push(format!("corrected by the passport of calibration {number}"));
+    }
+    lines.extend(check.hints.iter().map(|hint| format!("note: {hint}")));
+    lines.join("\n")
+}
+
+fn passport_text(passport: &SensorPassport) -> String {
+    let mut lines = vec![format!(
+        "passport of calibration {}, made {} by {} touches of {}",
+        passport.number, passport.created_at, passport.n_touches, passport.touched
+    )];
+    lines.push(format!(
+        "unexplained pressure: {:.1} % as stated, {:.1} % as found",
+        100.0 * passport.residual_before,
+        100.0 * passport.residual_after
+    ));
+    if passport.corrections.is_empty() {
+        lines.push("readings are not changed; trainings press with the sensor as measured".into());
+    }
+    lines.extend(passport.corrections.iter().cloned());
+    let open: Vec<&str> = passport.undetermined.iter().map(|name| name.name()).collect();
+    if !open.is_empty() {
+        lines.push(format!("not determined, and left as stated: {}", open.join(", ")));
+    }
+    lines.join("\n")
 }
 
 pub(crate) fn parse_preset(name: &str) -> Result<SensorPreset, String> {

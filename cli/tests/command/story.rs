@@ -290,6 +290,41 @@ fn a_newcomer_calibrates_a_sensor_with_a_simulated_indentation() {
 }
 
 #[test]
+fn a_newcomer_commissions_a_sensor_with_simulated_touches() {
+    let folder = TempDir::new().unwrap();
+    let (at, data) = (folder.path(), folder.path().join("data"));
+    let server = Server::start(&data, "");
+    let run = |arguments: &str| run(at, &format!("--server {} {arguments}", server.said("server")));
+    let ask = |arguments: &str| {
+        let output = run(arguments);
+        assert_eq!(output.status.code(), Some(0), "{arguments}: {}", stderr(&output));
+        stdout(&output)
+    };
+    ask("sensors add finger --preset digitacts-6x6");
+    assert!(ask("sensors reference").contains("50 × 50 × 50 mm"));
+    ask("sensors reference ridge --out ridge.stl");
+    assert!(std::fs::metadata(at.join("ridge.stl")).unwrap().len() > 100_000);
+    let simulated = "sensors commission finger --object ridge --simulate --seed 4";
+    let said = ask(&format!("{simulated} --mistake pressure-unit,mirror"));
+    assert!(said.contains("20 left: touch the middle of a face"), "{said}");
+    assert!(said.contains("after 8 touches: "), "{said}");
+    assert!(said.contains("observed") && said.contains("predicted"), "{said}");
+    assert!(said.contains("Multiply pressures by") && said.contains("reversed true"), "{said}");
+    assert!(said.contains("To correct: pressure unit, image order"), "{said}");
+    assert!(said.contains("nothing was stored"), "{said}");
+    assert_eq!(run("sensors passport finger").status.code(), Some(1), "nothing was applied");
+    let applied = ask(&format!("{simulated} --mistake quaternion-order --apply --json"));
+    let answer: serde_json::Value = serde_json::from_str(&applied).unwrap();
+    assert_eq!(answer["wrong"], serde_json::json!(["quaternion_order"]), "{applied}");
+    assert_eq!(answer["calibration"], 1);
+    assert!(ask("sensors show finger").contains("the passport of calibration 1 applies"));
+    assert!(ask("sensors passport finger").contains("Send quaternions as x, y, z, w"));
+    std::fs::write(at.join("few.jsonl"), "{\"image\": [], \"pose\": 1}\n").unwrap();
+    let refused = run("sensors commission finger --reference cube --readings few.jsonl");
+    assert!(stderr(&refused).contains("few.jsonl, line 1"), "{}", stderr(&refused));
+}
+
+#[test]
 fn the_demo_ends_with_one_line_of_figures() {
     let folder = TempDir::new().unwrap();
     let output = run(

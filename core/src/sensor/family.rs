@@ -18,6 +18,10 @@ const POINT_SPREAD_MIN: f64 = 0.01 * MM;
 /// 0.1 % of the full pressure.
 const CURVE_SEGMENTS: usize = 16;
 
+/// Smallest rise of a bent force curve as a share of that of the curve. Chosen: small, since only
+/// curves that flatten out need it.
+const RISE_MIN: f64 = 1e-3;
+
 /// Trust in a sensor's description.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SensorKnowledge {
@@ -35,8 +39,6 @@ pub enum SensorKnowledge {
 #[derive(Clone, Debug, PartialEq)]
 pub struct SensorFamily {
     description: SensorDescription,
-    /// What draws differ from: the description, unless the sensor was measured.
-    pressing: SensorDescription,
     /// `None`: the description itself.
     ranges: Option<SensorRanges>,
 }
@@ -61,20 +63,7 @@ impl SensorFamily {
             SensorKnowledge::DataSheet => Some(SensorRanges::data_sheet(&description, stated)),
             SensorKnowledge::Unknown => Some(SensorRanges::unknown(&description, stated)),
         };
-        Self { pressing: description.clone(), description, ranges }
-    }
-
-    /// The family of a sensor that was measured: `pressing` as it was found, with what the
-    /// measurement leaves open. Readings are still interpreted by the `description`, as those of
-    /// sessions are.
-    #[must_use]
-    pub fn measured(
-        description: SensorDescription,
-        pressing: SensorDescription,
-        open: &StatedRanges,
-    ) -> Self {
-        let ranges = Some(SensorRanges::data_sheet(&pressing, open));
-        Self { description, pressing, ranges }
+        Self { description, ranges }
     }
 
     /// What the description leaves open; `None` when that is nothing.
@@ -101,8 +90,8 @@ impl SensorFamily {
     /// Never: draws stay within the limits of a description.
     #[must_use]
     pub fn draw(&self, stream: &mut Stream) -> SensorDescription {
-        let Some(ranges) = &self.ranges else { return self.pressing.clone() };
-        let known = self.pressing.parameters().clone();
+        let Some(ranges) = &self.ranges else { return self.description.clone() };
+        let known = self.description.parameters().clone();
         let mut within = |(low, high): (f64, f64)| stream.uniform(low, high);
         let spread = known.point_spread * within(ranges.spread_factor);
         let margin = within(ranges.margin);
@@ -132,9 +121,11 @@ impl SensorFamily {
 
 /// A force curve with `stiffness` times the pressure of `curve` at full indentation (`thickness`,
 /// metres). The ratio of both pressures is 1 + `stiffening` times as large there as at first touch.
+/// Below a stiffening of −0.5 a line would fall towards full indentation; there the pressure rises
+/// by [`RISE_MIN`] of what `curve` rises instead.
 ///
 /// # Panics
-/// Never: it rises where `curve` does.
+/// For a stiffness that is not positive or a stiffening of −1 or less.
 #[must_use]
 pub fn bent(curve: &ForceCurve, thickness: f64, stiffness: f64, stiffening: f64) -> ForceCurve {
     let knots = curve.knots();
@@ -148,9 +139,13 @@ pub fn bent(curve: &ForceCurve, thickness: f64, stiffness: f64, stiffening: f64)
         (1..=cuts).map(move |cut| from + (to - from) * cut as f64 / cuts as f64)
     };
     let displacements: Vec<f64> = knots.windows(2).flat_map(between).collect();
-    let bent = displacements.into_iter().map(|d| (d, pressure(d)));
-    ForceCurve::new(std::iter::once((0.0, 0.0)).chain(bent).collect())
-        .expect("a rising curve times a rising share rises")
+    let mut bent = vec![(0.0, 0.0)];
+    for d in displacements {
+        let (before, last) = bent[bent.len() - 1];
+        let rise = curve.pressure(d) - curve.pressure(before);
+        bent.push((d, pressure(d).max(last + RISE_MIN * stiffness * rise)));
+    }
+    ForceCurve::new(bent).expect("every knot is above the last")
 }
 
 #[cfg(test)]
@@ -189,21 +184,6 @@ mod tests {
     }
 
     #[test]
-    fn a_measured_family_presses_as_found_and_reads_as_described() {
-        let known = SensorDescription::digitacts_6x6();
-        let found = SensorParameters { point_spread: 1.0 * MM, ..known.parameters().clone() };
-        let found = SensorDescription::new(found).unwrap();
-        let open = StatedRanges { spread_factor: Some((0.9, 1.1)), ..StatedRanges::default() };
-        let family = SensorFamily::measured(known.clone(), found, &open);
-        assert_eq!(*family.description(), known);
-        let mut stream = Stream::new(3, Purpose::SensorFamily, 0);
-        for _ in 0..20 {
-            let spread = family.draw(&mut stream).parameters().point_spread;
-            assert!((0.9 * MM..=1.1 * MM).contains(&spread), "{spread}");
-        }
-    }
-
-    #[test]
     fn a_bent_curve_has_the_stated_stiffness() {
         // A line to 20 kPa at 2 mm, half as stiff and stiffening by 1: at 2 mm 10 kPa, at
         // 1 mm 10/2 · (1 + 1/2)/(1 + 1) = 3.75 kPa.
@@ -211,5 +191,9 @@ mod tests {
         let bent = bent(&line, 2.0 * MM, 0.5, 1.0);
         assert!((bent.pressure(2.0 * MM) - 10.0 * KPA).abs() < 1e-6);
         assert!((bent.pressure(1.0 * MM) - 3.75 * KPA).abs() < 1e-6);
+        // As soft at full indentation as it gets: it rises all the same.
+        let soft = super::bent(&line, 2.0 * MM, 1.0, -0.9);
+        assert!(soft.knots().windows(2).all(|pair| pair[0].1 < pair[1].1), "{soft:?}");
+        assert!(soft.pressure(1.0 * MM) > 10.0 * KPA, "most of it at first touch");
     }
 }

@@ -4,12 +4,15 @@
 
 use anyhow::Context as _;
 use palpate_commissioning::commission::{Setup, commission};
-use palpate_commissioning::passport::Passport;
-use palpate_commissioning::touch::{PoseConvention, SentTouch};
+use palpate_commissioning::passport::passport;
+use palpate_commissioning::touch::SentTouch;
+use palpate_core::convention::PoseConvention;
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::rng::{Purpose, Stream};
-use palpate_core::sensor::{SensorDescription, SensorFamily};
+use palpate_core::sensor::correction::Correction;
+use palpate_core::sensor::{SensorDescription, SensorFamily, SensorKnowledge, StatedRanges};
+use palpate_core::stop::Stop;
 use palpate_sim::press::PressSimulator;
 use palpate_sim::shapes::reference_body;
 
@@ -23,18 +26,20 @@ const BODY: &str = "reference_ridge";
 const TOUCHES: usize = 20;
 
 /// A sensor on a robot, commissioned.
-pub(super) struct Commissioned<'a> {
-    described: &'a SensorDescription,
-    /// `true_from_sent`: what the robot takes for its sensor's pose, seen from the true one.
+pub(super) struct Commissioned {
+    /// What the robot takes for its sensor's pose, seen from the true one.
     true_from_sent: Pose,
-    passport: Passport,
+    /// The sensor as it was measured, by which readings are interpreted.
+    pub(super) measured: SensorDescription,
+    ranges: StatedRanges,
+    correction: Correction,
 }
 
-impl<'a> Commissioned<'a> {
+impl Commissioned {
     /// Touches the reference body at an unknown place, with a tool centre that is wrong by
     /// `offset` metres in a random direction.
     pub(super) fn new(
-        described: &'a SensorDescription,
+        described: &SensorDescription,
         sensing: &Sensing,
         offset: f64,
         seed: u64,
@@ -52,31 +57,41 @@ impl<'a> Commissioned<'a> {
             .map(|reading| sent(reading, session_from_body, true_from_sent, described))
             .collect();
         let object = PressSimulator::new(body.mesh, described.clone());
-        let setup = Setup { object: &object, session_from_object: None, touches: &touches, seed };
-        let passport = Passport::of(&commission(&setup)?, described);
-        Ok(Self { described, true_from_sent, passport })
+        let (stop, session_from_object) = (Stop::never(), None);
+        let setup =
+            Setup { object: &object, session_from_object, touches: &touches, seed, stop: &stop };
+        let found = passport(&commission(&setup)?, described);
+        let (measured, ranges) = (found.description(described)?, found.ranges(described));
+        let correction = Correction { passport: Some(found), ..Correction::default() };
+        Ok(Self { true_from_sent, measured, ranges, correction })
     }
 
     /// The sensors to train with.
-    pub(super) fn family(&self) -> anyhow::Result<SensorFamily> {
-        let pressing = self.passport.description(self.described)?;
-        let open = self.passport.ranges(self.described);
-        Ok(SensorFamily::measured(self.described.clone(), pressing, &open))
+    pub(super) fn family(&self) -> SensorFamily {
+        let level = SensorKnowledge::DataSheet;
+        SensorFamily::within(self.measured.clone(), level, &self.ranges)
     }
 
     /// Readings, with `object_from_sensor` as pose, as they count: sent by the robot and
     /// corrected by the passport.
     pub(super) fn corrected(&self, readings: &[Vec<Reading>]) -> anyhow::Result<Vec<Vec<Reading>>> {
         let one = |reading: &Reading| {
-            let touch = sent(reading, Pose::IDENTITY, self.true_from_sent, self.described);
-            let SentTouch { pressures, position, quaternion } =
-                self.passport.corrected(&touch, self.described);
-            let pose = PoseConvention::STATED.read(position, quaternion);
-            Reading::new(SensorId(0), self.described, &pressures, pose)
+            let image = driven(reading, &self.measured);
+            let sent = reading.session_from_sensor() * self.true_from_sent;
+            Reading::corrected(SensorId(0), &self.measured, &self.correction, &image, sent)
                 .context("a corrected image fits its sensor")
         };
         readings.iter().map(|of_object| of_object.iter().map(one).collect()).collect()
     }
+}
+
+/// The image of a reading as the driver sends it.
+fn driven(reading: &Reading, sensor: &SensorDescription) -> Vec<Option<f64>> {
+    let (rows, cols) = (sensor.grid().rows, sensor.grid().cols);
+    let both = reading.image().pressures.iter().zip(reading.missing());
+    let image: Vec<Option<f64>> =
+        both.map(|(pressure, is_missing)| (!is_missing).then_some(*pressure)).collect();
+    sensor.parameters().image_order.of_driver(&image, rows, cols)
 }
 
 /// A touch as the robot sends it.
@@ -84,20 +99,11 @@ fn sent(
     reading: &Reading,
     session_from_object: Pose,
     true_from_sent: Pose,
-    sensor: &SensorDescription,
+    described: &SensorDescription,
 ) -> SentTouch {
-    let (rows, cols) = (sensor.grid().rows, sensor.grid().cols);
-    let image: Vec<Option<f64>> = reading
-        .image()
-        .pressures
-        .iter()
-        .zip(reading.missing())
-        .map(|(pressure, is_missing)| (!is_missing).then_some(*pressure))
-        .collect();
-    let pressures = sensor.parameters().image_order.of_driver(&image, rows, cols);
-    let sent = session_from_object * reading.session_from_sensor() * true_from_sent;
-    let (position, quaternion) = PoseConvention::STATED.write(sent);
-    SentTouch { pressures, position, quaternion }
+    let pose = session_from_object * reading.session_from_sensor() * true_from_sent;
+    let (position, quaternion) = PoseConvention::STATED.write(pose);
+    SentTouch { pressures: driven(reading, described), position, quaternion }
 }
 
 #[cfg(test)]
@@ -125,7 +131,7 @@ mod tests {
             assert!(sent.distance_to(&was) > 2.9 * MM);
         }
         let mut stream = Stream::new(1, Purpose::SensorFamily, 0);
-        let drawn = sensor.family().unwrap().draw(&mut stream);
+        let drawn = sensor.family().draw(&mut stream);
         let margin = drawn.parameters().coupling.margin.unwrap();
         assert!(margin <= described.grid().pitch, "the covering ends with the array: {margin}");
     }

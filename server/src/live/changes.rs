@@ -23,7 +23,7 @@ use crate::repeats::new_readings;
 use crate::wire::belief::top;
 use crate::wire::count;
 use crate::wire::life::Status;
-use crate::wire::reading::{Incoming, place_of, warnings};
+use crate::wire::reading::{Incoming, warnings};
 use crate::wire::session::options;
 
 /// Result of comparing a request's readings with the journal.
@@ -247,7 +247,8 @@ impl Live {
         }
         let first = self.tools.store.journal().entry(self.session.id, 0)?;
         let Some(first) = first else { return Ok(None) };
-        Ok(*self.first_place.get_or_init(|| place_of(&first)))
+        let place = self.tools.sensors.place_of(&first).map_err(Cause::from)?;
+        Ok(*self.first_place.get_or_init(|| place))
     }
 }
 

@@ -213,7 +213,7 @@ impl Walk {
 
     /// Takes one entry.
     fn step(&mut self, entry: &Entry) -> Result<wire::ReplayStep, LiveError> {
-        self.memory.chronicle.take(entry);
+        self.memory.chronicle.take(entry, self.folding.readings.pose(entry)?);
         let stays = self.memory.settle();
         let late = stays + 1 < self.memory.chronicle.order().len();
         let length = self.memory.chronicle.len();

@@ -8,6 +8,7 @@
 
 use std::collections::BTreeSet;
 
+use palpate_core::pose::Pose;
 use palpate_store::entity::{ReadingId, StoredReading};
 use palpate_store::journal::{Entry, Event};
 
@@ -79,11 +80,12 @@ impl Chronicle {
         &self.order
     }
 
-    /// Takes the journal's next entry; the order is settled later.
-    pub(crate) fn take(&mut self, entry: &Entry) {
+    /// Takes the journal's next entry, with the pose of a reading after its correction; the order is
+    /// settled later.
+    pub(crate) fn take(&mut self, entry: &Entry, corrected: Option<Pose>) {
         let change = match &entry.event {
             Event::Reading(reading) => {
-                return self.take_reading(entry.reading_id.as_ref(), reading);
+                return self.take_reading(entry.reading_id.as_ref(), reading, corrected);
             }
             Event::Retraction { seq } => {
                 let withdrawn = u32::try_from(*seq).unwrap_or(u32::MAX);
@@ -96,14 +98,20 @@ impl Chronicle {
     }
 
     /// Takes the journal's next entry, which is a reading.
-    pub(super) fn take_reading(&mut self, id: Option<&ReadingId>, reading: &StoredReading) {
+    pub(super) fn take_reading(
+        &mut self,
+        id: Option<&ReadingId>,
+        reading: &StoredReading,
+        corrected: Option<Pose>,
+    ) {
         let number = self.changes.len() as u32;
         let id = id.map(|id| (id.robot.clone(), id.seq));
         let place = Place { stamp_ns: reading.stamp_ns, id, number };
         let before = |other: &u32| self.added(*other).map(|one| &one.place) < Some(&place);
         let at = self.standing.partition_point(before);
         self.standing.insert(at, number);
-        self.changes.push(Change::Adds(Box::new(Added { place, frame: Frame::of(reading) })));
+        let frame = Frame::of(reading, corrected);
+        self.changes.push(Change::Adds(Box::new(Added { place, frame })));
     }
 
     /// Updates the order to the entries taken; the number of presses at its start that are
@@ -200,7 +208,7 @@ mod tests {
     }
 
     fn take(chronicle: &mut Chronicle, entry: &Entry) -> usize {
-        chronicle.take(entry);
+        chronicle.take(entry, None);
         chronicle.settle()
     }
 
@@ -223,7 +231,7 @@ mod tests {
         let mut chronicle = Chronicle::default();
         for reading in readings {
             let entry = entry(&chronicle, *reading);
-            chronicle.take(&entry);
+            chronicle.take(&entry, None);
         }
         chronicle.settle();
         chronicle

@@ -38,7 +38,8 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    pub(super) fn of(reading: &StoredReading) -> Self {
+    /// The frame of a reading whose pose after its correction is `corrected`.
+    pub(super) fn of(reading: &StoredReading, corrected: Option<Pose>) -> Self {
         let (n, sum) = reading
             .pressures
             .iter()
@@ -52,7 +53,7 @@ impl Frame {
         let mean = if n > 0.0 { sum / n } else { 0.0 };
         Self {
             sensor: reading.sensor,
-            session_from_sensor: reading.session_from_sensor.or(at),
+            session_from_sensor: corrected.or(at),
             pressure: held.map_or(mean, |held| held.force.unwrap_or(1.0)),
             object_moved: reading.object_moved.is_some(),
         }

@@ -6,7 +6,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use palpate_core::reading::Felt;
+use palpate_core::pose::Pose;
+use palpate_core::reading::{Felt, Reading};
 use palpate_store::entity::{ReadingId, Sensor, StoredReading};
 use palpate_store::journal::{Entry, Event, Journal, NewEntry};
 use uuid::Uuid;
@@ -50,6 +51,12 @@ impl Ready {
         NewEntry { reading_id: self.id.clone(), received_at_ms, event, written_by }
     }
 
+    /// The sensor's pose after the correction, if one was sent.
+    fn pose(&self) -> Option<Pose> {
+        let press = self.reading.press().filter(|_| self.stored.session_from_sensor.is_some());
+        press.map(Reading::session_from_sensor)
+    }
+
     /// Whether the object may have moved before it.
     pub(super) fn object_moved(&self) -> bool {
         self.stored.object_moved.is_some()
@@ -83,7 +90,7 @@ impl Readings {
         while chronicle.len() < length {
             let next = chronicle.len();
             if let Some(ready) = self.handed.get(&(next as u32)) {
-                chronicle.take_reading(ready.id.as_ref(), &ready.stored);
+                chronicle.take_reading(ready.id.as_ref(), &ready.stored, ready.pose());
                 continue;
             }
             let first = self.handed.keys().next().map_or(length, |first| *first as usize);
@@ -92,9 +99,19 @@ impl Readings {
             if entries.is_empty() {
                 return Ok(());
             }
-            entries.iter().for_each(|entry| chronicle.take(entry));
+            for entry in &entries {
+                chronicle.take(entry, self.pose(entry)?);
+            }
         }
         Ok(())
+    }
+
+    /// The pose of an entry after its correction, if it is a reading that has one.
+    pub(super) fn pose(&self, entry: &Entry) -> Result<Option<Pose>, Cause> {
+        match &entry.event {
+            Event::Reading(reading) => Ok(self.sensors.pose(reading)?),
+            Event::Retraction { .. } | Event::Closed => Ok(None),
+        }
     }
 
     /// Some of the journal's entries from `next` on, before `last`.
@@ -146,12 +163,14 @@ impl Readings {
         let Event::Reading(stored) = entry.event else { return Ok(None) };
         let robot = entry.reading_id.as_ref().map(|id| id.robot.as_str());
         let sensor = self.sensors.get(&stored.sensor.to_string())?;
-        let calibration = self.sensors.calibration(sensor.id, stored.calibration)?;
-        let reading = from_store(&stored, &sensor, calibration.as_deref()).map_err(|error| {
+        let applied = self.sensors.applied(sensor.id, stored.calibration)?;
+        let correction = applied.as_ref().map(|applied| &*applied.correction);
+        let reading = from_store(&stored, &sensor, correction).map_err(|error| {
             let id = self.session.to_string();
             Cause::Unusable { what: "session", id, reason: error.to_string() }
         })?;
         let reading = on_its_base(reading, &self.options, robot);
+        let sensor = applied.map_or(sensor, |applied| applied.sensor);
         let (number, id) = (entry.seq as u32, entry.reading_id);
         Ok(Some(Ready { number, id, stored, reading, sensor }))
     }

@@ -201,15 +201,13 @@ impl Objects {
                 other => {
                     other?;
                     let first = journal.entry(object.id, 0)?;
+                    let known = self.sensors.known();
+                    let place = first.map(|first| known.place_of(&first)).transpose()?.flatten();
                     return Ok(wire::TrainingReadingsAdded {
                         n_new: convert::count(entries.len()),
                         n_repeated: convert::count(readings.len() - entries.len()),
                         n_readings: convert::count(before + entries.len() as u64),
-                        warnings: convert::reading::warnings(
-                            &readings,
-                            first.as_ref().and_then(convert::reading::place_of),
-                            None,
-                        ),
+                        warnings: convert::reading::warnings(&readings, place, None),
                     });
                 }
             }

@@ -139,8 +139,8 @@ impl SensorHealth {
             // It was removed.
             Err(_) => return Ok(()),
         };
-        let calibration = self.known.calibration(sensor.id, stored.calibration)?;
-        let Ok(felt) = from_store(stored, &sensor, calibration.as_deref()) else { return Ok(()) };
+        let correction = self.known.correction(stored)?;
+        let Ok(felt) = from_store(stored, &sensor, correction.as_deref()) else { return Ok(()) };
         let Felt::Press(reading) = felt else {
             counted.touched_by.insert(Uuid::nil());
             return Ok(());

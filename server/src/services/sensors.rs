@@ -121,8 +121,8 @@ impl Sensors {
             return Err(Cause::field("/sensor", detail));
         }
         let applied = self.known.newest(expected.id)?;
-        let pose = incoming.stored.session_from_sensor;
-        let description = &expected.description;
+        let pose = incoming.pose();
+        let description = &incoming.sensor.description;
         let Some(press) = incoming.reading.press() else {
             let detail = "came without an image, expected one: there is nothing to interpret";
             return Err(Cause::field("/contact", detail));
@@ -139,6 +139,6 @@ impl Sensors {
     /// A sensor in its wire form.
     pub(crate) fn show(&self, sensor: &Sensor) -> Result<wire::Sensor, Cause> {
         let newest = self.known.newest(sensor.id)?;
-        Ok(sensor::sensor(sensor, newest.map(|newest| newest.number)))
+        Ok(sensor::sensor(sensor, newest.as_ref()))
     }
 }

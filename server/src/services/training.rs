@@ -19,13 +19,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use palpate_core::pose::Pose;
-use palpate_core::sensor::{SensorFamily, SensorKnowledge};
+use palpate_core::sensor::SensorFamily;
 use palpate_core::training::TrainingSet;
 use palpate_core::vocabulary::Vocabulary;
 use palpate_dissertation::geometric::train::GeometricConfig;
 use palpate_dissertation::sva::model::{ObjectMap, SvaModel};
 use palpate_dissertation::sva::train::{TrainingConfig, learn_vocabulary, map_object};
-use palpate_schemas::{JobStage, ObjectReport, SkippedObject, SymmetryBy, Warning};
+use palpate_schemas::{
+    JobStage, ObjectReport, SensorKnowledge, SkippedObject, SymmetryBy, Warning,
+};
 use palpate_store::catalogue::VersionObject;
 use palpate_store::database::Database;
 use palpate_store::entity::Sensor;
@@ -46,7 +48,7 @@ use surface::Decided;
 /// Plan of a training.
 pub(crate) struct Plan {
     pub(crate) objects: Vec<VersionObject>,
-    /// The sensor that touches meshes.
+    /// The sensor that touches meshes; as its passport measured it, if it is commissioned.
     pub(crate) sensor: Arc<Sensor>,
     /// Trust in its description.
     pub(crate) knowledge: SensorKnowledge,
@@ -70,7 +72,7 @@ pub(crate) struct Plan {
 impl Plan {
     /// The sensors that press meshes.
     fn family(&self) -> SensorFamily {
-        self.sensor.family(self.knowledge)
+        self.sensor.family(coupling::knowledge_of(self.knowledge))
     }
 }
 
@@ -230,7 +232,7 @@ fn report(plan: &Plan, material: &Material, map: Option<&ObjectMap>) -> ObjectRe
         id: material.object.id,
         name: material.object.name.clone(),
         n_readings: count(material.readings.len()),
-        sensor_knowledge: material.has_mesh().then(|| coupling::knowledge(plan.knowledge)),
+        sensor_knowledge: material.has_mesh().then_some(plan.knowledge),
         n_patches: map.map_or(0, |map| count(map.patches().len())),
         index_bytes: map.map_or(0, |map| map.index().bytes() as u64),
         origin_in_mesh: map.map_or([0.0; 3], |map| map.origin_in_training().to_array()),

@@ -8,7 +8,7 @@ use palpate_core::sensor::spread_fit::{Indenter, SpreadError, SpreadPress, fit_s
 use palpate_core::sensor::{Calibration, SensorDescription, TaxelState};
 use palpate_core::units::{MM, Shown};
 use palpate_schemas as wire;
-use palpate_store::calibration::{StoredCalibration, StoredSpread};
+use palpate_store::calibration::{StoredCalibration, StoredLines, StoredSpread};
 use palpate_store::entity::Sensor;
 
 use crate::wire::reading::TAXELS_MAX;
@@ -23,12 +23,12 @@ const LENGTH_MAX: f64 = 50.0 * MM;
 /// Minimum diameter of an indenter.
 const LENGTH_MIN: f64 = 0.01 * MM;
 
-/// The fit of a request, still without its number.
+/// The lines that fit a request, still without a number.
 pub(crate) fn fitted(
     request: &wire::CalibrateSensor,
     sensor: &Sensor,
     created_at_ms: u64,
-) -> Result<StoredCalibration, Invalid> {
+) -> Result<StoredLines, Invalid> {
     let description = &sensor.description;
     let n_spread = request.spread.as_ref().map_or(0, |spread| spread.presses.len());
     n_presses("/response", request.response.len(), RESPONSE_PRESSES_MAX)?;
@@ -44,9 +44,8 @@ pub(crate) fn fitted(
         Some(spread) => Some(fitted_spread(spread, description, &fit.calibration)?),
         None => None,
     };
-    Ok(StoredCalibration {
-        sensor: sensor.id,
-        number: 0,
+    Ok(StoredLines {
+        since: 0,
         calibration: fit.calibration,
         before: fit.before,
         after: fit.after,
@@ -155,15 +154,16 @@ fn refuse_response(error: ResponseError) -> Invalid {
     Invalid::field(at, error)
 }
 
-/// A stored calibration in its wire form.
+/// A stored calibration in its wire form; `None` if it has no taxel lines.
 pub(crate) fn calibration(
     stored: &StoredCalibration,
     description: &SensorDescription,
-) -> wire::SensorCalibration {
+) -> Option<wire::SensorCalibration> {
+    let lines = stored.lines.as_ref()?;
     let cols = description.grid().cols;
     let place =
         |taxel: usize| wire::TaxelPlace { row: count(taxel / cols), col: count(taxel % cols) };
-    let taxels = stored.calibration.taxels().iter().enumerate().map(|(taxel, response)| {
+    let taxels = lines.calibration.taxels().iter().enumerate().map(|(taxel, response)| {
         let (state, answers) = match response.state {
             TaxelState::Ok => (wire::TaxelState::Ok, None),
             TaxelState::Dead => (wire::TaxelState::Dead, None),
@@ -177,20 +177,21 @@ pub(crate) fn calibration(
         wire::TaxelCalibration { row, col, slope, offset, r_squared, state, answers }
     });
     let taxels: Vec<wire::TaxelCalibration> = taxels.collect();
-    let Line { slope, offset } = stored.calibration.target();
+    let Line { slope, offset } = lines.calibration.target();
     let n_unusable = taxels.iter().filter(|taxel| taxel.state != wire::TaxelState::Ok).count();
-    wire::SensorCalibration {
+    Some(wire::SensorCalibration {
         sensor: stored.sensor,
         number: stored.number,
+        passport: stored.passport.as_ref().map(|passport| passport.since),
         target: wire::ResponseLine { slope, offset },
-        before: goodness(stored.before),
-        after: goodness(stored.after),
-        n_presses: stored.n_presses,
+        before: goodness(lines.before),
+        after: goodness(lines.after),
+        n_presses: lines.n_presses,
         taxels,
         n_unusable: count(n_unusable),
-        spread: stored.spread.as_ref().map(|spread| self::spread(spread, description)),
-        created_at: time(stored.created_at_ms),
-    }
+        spread: lines.spread.as_ref().map(|spread| self::spread(spread, description)),
+        created_at: time(lines.created_at_ms),
+    })
 }
 
 fn goodness(Goodness { r_squared, residual }: Goodness) -> wire::ResponseGoodness {

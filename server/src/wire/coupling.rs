@@ -43,7 +43,10 @@ pub(crate) fn knowledge(known: core::SensorKnowledge) -> wire::SensorKnowledge {
 pub(crate) fn knowledge_of(given: wire::SensorKnowledge) -> core::SensorKnowledge {
     match given {
         wire::SensorKnowledge::Measured => core::SensorKnowledge::Measured,
-        wire::SensorKnowledge::DataSheet => core::SensorKnowledge::DataSheet,
+        // A passport is a description with ranges of its own.
+        wire::SensorKnowledge::DataSheet | wire::SensorKnowledge::Commissioned => {
+            core::SensorKnowledge::DataSheet
+        }
         wire::SensorKnowledge::Unknown => core::SensorKnowledge::Unknown,
     }
 }

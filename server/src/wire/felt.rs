@@ -6,7 +6,7 @@ use palpate_core::reading::point_contact::{
     ContactError, ContactField, ContactNumbers, PointContact,
 };
 use palpate_core::reading::{Felt, Reading, ReadingError, SensorId};
-use palpate_core::sensor::{Calibration, SensorDescription};
+use palpate_core::sensor::{Correction, SensorDescription};
 use palpate_core::units::Shown;
 use palpate_schemas as wire;
 use palpate_store::entity::{Sensor, StoredReading};
@@ -28,19 +28,19 @@ pub(crate) enum FeltError {
     Contact(#[from] ContactError),
 }
 
-/// A stored reading in core's form, corrected with the calibration that it names. It was
-/// checked on arrival, but not by this program.
+/// A stored reading in core's form, corrected by the calibration that it names. It was
+/// checked on arrival, but not by this program. A contact without an image stays as stated.
 pub(crate) fn from_store(
     stored: &StoredReading,
     sensor: &Sensor,
-    calibration: Option<&Calibration>,
+    correction: Option<&Correction>,
 ) -> Result<Felt, FeltError> {
     match stored.contact {
         Some(numbers) => {
             let contact = PointContact::new(SensorId(stored.sensor.as_u128()), numbers)?;
             Ok(Felt::Contact(contact.after_approach(stored.approach)))
         }
-        None => Ok(Felt::Press(press_from_store(stored, sensor, calibration)?)),
+        None => Ok(Felt::Press(press_from_store(stored, sensor, correction)?)),
     }
 }
 
@@ -49,12 +49,15 @@ pub(crate) fn from_store(
 pub(crate) fn press_from_store(
     stored: &StoredReading,
     sensor: &Sensor,
-    calibration: Option<&Calibration>,
+    correction: Option<&Correction>,
 ) -> Result<Reading, ReadingError> {
     let id = SensorId(stored.sensor.as_u128());
     let pose = stored.session_from_sensor.unwrap_or(Pose::IDENTITY);
-    let reading =
-        Reading::calibrated(id, &sensor.description, calibration, &stored.pressures, pose)?;
+    let (description, pressures) = (&sensor.description, &stored.pressures);
+    let reading = match correction {
+        Some(correction) => Reading::corrected(id, description, correction, pressures, pose)?,
+        None => Reading::new(id, description, pressures, pose)?,
+    };
     Ok(reading.after_approach(stored.approach))
 }
 

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use palpate_core::pose::{Pose, PoseError};
-use palpate_core::reading::{Felt, Looseness};
-use palpate_core::sensor::Calibration;
+use palpate_core::reading::{Felt, Looseness, Reading};
+use palpate_core::sensor::Correction;
 use palpate_core::units::Shown;
 use palpate_schemas as wire;
 use palpate_schemas::FieldError;
@@ -50,12 +50,15 @@ impl Incoming {
     /// The reading in the form of `hints`.
     pub(crate) fn judged(&self) -> Judged<'_> {
         match &self.reading {
-            Felt::Press(reading) => {
-                let pose = self.stored.session_from_sensor;
-                Judged::press(reading, &self.sensor.description, pose)
-            }
+            Felt::Press(reading) => Judged::press(reading, &self.sensor.description, self.pose()),
             Felt::Contact(contact) => Judged::contact(contact.position()),
         }
+    }
+
+    /// The sensor's pose after the correction, if one was sent.
+    pub(crate) fn pose(&self) -> Option<Pose> {
+        let press = self.reading.press().filter(|_| self.stored.session_from_sensor.is_some());
+        press.map(Reading::session_from_sensor)
     }
 
     /// The reading as a journal's entry.
@@ -72,11 +75,15 @@ pub(crate) struct Source {
     pub(crate) applied: Option<Applied>,
 }
 
-/// A calibration and its number.
+/// A calibration that applies to readings.
 #[derive(Clone, Debug)]
 pub(crate) struct Applied {
     pub(crate) number: u32,
-    pub(crate) calibration: Arc<Calibration>,
+    /// Number of the calibration that brought its passport.
+    pub(crate) passport: Option<u32>,
+    pub(crate) correction: Arc<Correction>,
+    /// The sensor that readings are interpreted by: as its passport measured it, or as described.
+    pub(crate) sensor: Arc<Sensor>,
 }
 
 /// Refuses more readings, or larger ones, than one request may have.
@@ -135,17 +142,6 @@ pub(crate) fn warnings(
     warnings
 }
 
-/// The place of an entry (m); `None` if it is not a reading or has none.
-pub(crate) fn place_of(entry: &Entry) -> Option<DVec3> {
-    match &entry.event {
-        Event::Reading(reading) => {
-            let pose = reading.session_from_sensor.map(|pose| pose.translation);
-            pose.or(reading.contact.map(|contact| DVec3::from_array(contact.position)))
-        }
-        Event::Retraction { .. } | Event::Closed => None,
-    }
-}
-
 /// Checks the reading at `pointer`.
 pub(crate) fn one(
     pointer: &str,
@@ -159,7 +155,7 @@ pub(crate) fn one(
         source.ok_or_else(|| no_sensor(&format!("{pointer}/sensor"), &given.sensor))?;
     let contact = felt::contact(pointer, given)?;
     felt::shear(pointer, given, &sensor.description)?;
-    // There are no pressures to correct.
+    // There are no pressures to correct, and positions of contacts stay as stated.
     let applied = applied.filter(|_| contact.is_none());
     let pose = given.pose.as_ref().map(|given| pose(&format!("{pointer}/pose"), given));
     feature(&format!("{pointer}/feature"), given.feature.as_deref())?;
@@ -175,9 +171,10 @@ pub(crate) fn one(
         contact,
         shear: given.shear.clone(),
     };
-    let calibration = applied.as_ref().map(|applied| &*applied.calibration);
+    let correction = applied.as_ref().map(|applied| &*applied.correction);
     let reading =
-        from_store(&stored, &sensor, calibration).map_err(|error| felt::refused(pointer, error))?;
+        from_store(&stored, &sensor, correction).map_err(|error| felt::refused(pointer, error))?;
+    let sensor = applied.map_or(sensor, |applied| applied.sensor);
     Ok(Incoming { id, stored, reading, sensor })
 }
 
@@ -238,11 +235,12 @@ pub(crate) fn stored(
     })
 }
 
-/// A stored reading of a session in its wire form, with the entry that withdraws it; `None`
-/// for other entries.
+/// A stored reading of a session in its wire form, with the entry that withdraws it and the pose
+/// after its correction; `None` for other entries.
 pub(crate) fn of_session(
     entry: &Entry,
     withdrawn_by: Option<&Entry>,
+    corrected: Option<Pose>,
     writer: impl Fn(Uuid) -> wire::Writer,
 ) -> Option<wire::SessionReading> {
     let Event::Reading(reading) = &entry.event else { return None };
@@ -259,6 +257,10 @@ pub(crate) fn of_session(
         retracted_by: withdrawn_by.map(|by| super::count(by.seq + 1)),
         retraction_written_by: withdrawn_by.and_then(|by| by.written_by).map(&writer),
         pose: reading.session_from_sensor.as_ref().map(sensor::pose),
+        corrected_pose: corrected
+            .filter(|pose| Some(*pose) != reading.session_from_sensor)
+            .as_ref()
+            .map(sensor::pose),
         image: reading.pressures.clone(),
         contact: reading.contact.map(felt::shown),
         shear: reading.shear.clone(),

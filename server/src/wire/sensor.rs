@@ -17,15 +17,16 @@ use crate::hints::{Hint, Judged};
 use crate::wire::reading::Applied;
 use crate::wire::{Invalid, coupling, time};
 
-/// A stored sensor and the number of its newest calibration in their wire form.
-pub(crate) fn sensor(sensor: &Sensor, calibration: Option<u32>) -> wire::Sensor {
+/// A stored sensor and the numbers of what applies to it in their wire form.
+pub(crate) fn sensor(sensor: &Sensor, applied: Option<&Applied>) -> wire::Sensor {
     wire::Sensor {
         id: sensor.id,
         name: sensor.name.clone(),
         preset: sensor.preset.clone(),
         description: description(sensor),
         sensor_knowledge: coupling::knowledge(sensor.knowledge),
-        calibration,
+        calibration: applied.map(|applied| applied.number),
+        passport: applied.and_then(|applied| applied.passport),
         created_at: time(sensor.created_at_ms),
     }
 }
@@ -52,6 +53,11 @@ pub(crate) fn new_sensor(
         }
     };
     let description = overridden(&description, request)?;
+    if request.sensor_knowledge == Some(wire::SensorKnowledge::Commissioned) {
+        let detail = "came `commissioned`, expected `measured` or `data_sheet`: a sensor is \
+                      commissioned by touches of a known object";
+        return Err(Invalid::field("/sensor_knowledge", detail));
+    }
     let knowledge = request.sensor_knowledge.map_or(by_default, coupling::knowledge_of);
     let is_stated = request.description.is_some() && !ranges.is_empty();
     if knowledge == SensorKnowledge::Measured && is_stated {
@@ -202,8 +208,9 @@ pub(crate) fn check(
         centroid_in_session: session_from_sensor.filter(|_| touches).map(in_session),
         sensor_z_in_session: session_from_sensor.map(looks),
         calibration: applied.map(|applied| applied.number),
+        passport: applied.and_then(|applied| applied.passport),
         unusable: applied.map_or_else(Vec::new, |applied| {
-            let is_unusable = |taxel: &u32| !applied.calibration.is_usable(*taxel as usize);
+            let is_unusable = |taxel: &u32| !applied.correction.is_usable(*taxel as usize);
             (0..image.pressures.len() as u32).filter(is_unusable).collect()
         }),
         hints,

@@ -1,7 +1,6 @@
 //! Conversion of catalogues, trainings and jobs.
 
 use palpate_core::object::MapPatch;
-use palpate_core::sensor::SensorKnowledge;
 use palpate_core::units::Shown;
 use palpate_core::vocabulary::ClassIdx;
 use palpate_core::vocabulary::MAX_CLASSES;
@@ -15,7 +14,7 @@ use palpate_store::entity as stored;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::wire::{INTEGER_MAX, Invalid, count, coupling, descriptor, time};
+use crate::wire::{INTEGER_MAX, Invalid, count, descriptor, time};
 
 /// Maximum number of switches of the current version in an answer.
 const HISTORY_MAX: usize = 100;
@@ -251,7 +250,7 @@ pub(crate) fn extension(
         return Err(Invalid::field("/extend", detail));
     }
     let settings = StartTraining {
-        sensor_knowledge: Some(coupling::knowledge(knowledge(base))),
+        sensor_knowledge: Some(stated_knowledge(base)),
         n_classes: base.n_classes,
         descriptor: base.descriptor,
         distance_range: base.distance_range,
@@ -266,8 +265,8 @@ pub(crate) fn extension(
 
 /// Trust in the description of the sensor that presses meshes. Trainings that were requested
 /// before there was a choice press exactly as described.
-pub(crate) fn knowledge(training: &StartTraining) -> SensorKnowledge {
-    training.sensor_knowledge.map_or(SensorKnowledge::Measured, coupling::knowledge_of)
+pub(crate) fn stated_knowledge(training: &StartTraining) -> wire::SensorKnowledge {
+    training.sensor_knowledge.unwrap_or(wire::SensorKnowledge::Measured)
 }
 
 /// Core's configuration of a checked training.

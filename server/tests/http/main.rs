@@ -8,6 +8,7 @@ mod bad_input;
 mod calibrated;
 mod calibration;
 mod checkpoints;
+mod commissioning;
 mod compute;
 mod contacts;
 mod coupling;

@@ -218,7 +218,7 @@ fn unsigned(stored: JournalEntryV4) -> Result<Entry, RecordError> {
             approach,
             object_moved,
         } => {
-            let pose = pose.map(|(position, quaternion)| stored_pose(position, quaternion));
+            let pose = pose.map(|(position, quaternion)| Pose::stored(position, quaternion));
             let feature = feature.map(|bytes| floats(&bytes));
             Event::Reading(StoredReading {
                 sensor: Uuid::from_bytes(sensor),
@@ -239,15 +239,6 @@ fn unsigned(stored: JournalEntryV4) -> Result<Entry, RecordError> {
     let reading_id = stored.reading_id.map(|(robot, seq)| ReadingId { robot, seq });
     let JournalEntryV4 { seq, received_at_ms, .. } = stored;
     Ok(Entry { seq, received_at_ms, reading_id, event, written_by: None })
-}
-
-/// A pose bit by bit as stored: checked, but not normalised again, so that a repeated reading
-/// equals the stored one.
-fn stored_pose(position: [f64; 3], quaternion_xyzw: [f64; 4]) -> Result<Pose, RecordError> {
-    let mut pose = Pose::new(position, quaternion_xyzw)?;
-    let [x, y, z, w] = quaternion_xyzw;
-    (pose.rotation.x, pose.rotation.y, pose.rotation.z, pose.rotation.w) = (x, y, z, w);
-    Ok(pose)
 }
 
 fn pressures_to_bytes(pressures: &[Option<f64>]) -> Vec<u8> {

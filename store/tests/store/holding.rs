@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
+use palpate_store::calibration::Addition;
 use palpate_store::database::Database;
 use palpate_store::engine::Account;
 use palpate_store::engine::{Engine, EngineError};
@@ -17,7 +18,7 @@ use tempfile::TempDir;
 use uuid::Uuid;
 
 use crate::samples::{
-    self, calibration, catalogue, draft, entry, mesh_file, mesh_info, object, sensor, session, wait,
+    self, catalogue, draft, entry, mesh_file, mesh_info, object, sensor, session, taxel_lines, wait,
 };
 
 const ARM: Uuid = Uuid::from_u128(1);
@@ -75,7 +76,8 @@ fn every_stored_byte_counts_towards_its_writers_key() {
         let before = live_bytes(desk);
         desk.writes(TRAINER, None);
         samples::fill(&desk.database);
-        wait(desk.database.calibrations().add(&calibration(10))).unwrap();
+        let lines = Addition::Lines(taxel_lines());
+        wait(desk.database.calibrations().add(Uuid::from_u128(10), &lines)).unwrap();
         // Blocks of a version count with their contents, which lie under their own keys.
         let contents = 9_000 + 100;
         let blocks = 2 * (33 + 20) + 2 * (33 + 4);

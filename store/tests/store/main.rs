@@ -3,6 +3,7 @@
 
 mod access;
 mod bytes;
+mod calibrations;
 mod compaction;
 mod crash;
 mod damage;

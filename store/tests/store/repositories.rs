@@ -2,8 +2,6 @@
 
 use std::sync::Arc;
 
-use palpate_core::sensor::Calibration;
-use palpate_store::calibration::StoredCalibration;
 use palpate_store::catalogue::Switch;
 use palpate_store::database::Database;
 use palpate_store::entity::{Object, ReadingId, StoredReading};
@@ -335,29 +333,6 @@ fn removing_an_object_leaves_nothing() {
     wait(database.training().append(id, 0, &[entry("a", 1)])).unwrap();
     assert!(wait(database.remove_object(id)).unwrap());
     assert_eq!(database.stats().unwrap().bytes, empty);
-}
-
-#[test]
-fn calibrations_are_numbered_per_sensor_and_stay() {
-    let database = Database::in_memory();
-    let calibrations = database.calibrations();
-    let (one, other) = (Uuid::from_u128(10), Uuid::from_u128(11));
-    assert_eq!(calibrations.latest(one).unwrap(), None);
-    // Many taxels: more than one piece.
-    let mut wide = samples::calibration(10);
-    let taxels = wide.calibration.taxels().iter().copied().cycle().take(400).collect();
-    wide.calibration = Calibration::new(wide.calibration.target(), taxels).unwrap();
-    let add = |calibration: &StoredCalibration| wait(calibrations.add(calibration)).unwrap();
-    assert_eq!(add(&wide), 1);
-    assert_eq!(add(&samples::calibration(10)), 2);
-    assert_eq!(add(&samples::calibration(11)), 1);
-    let numbered = |number, of: &StoredCalibration| StoredCalibration { number, ..of.clone() };
-    assert_eq!(calibrations.find(one, 1).unwrap(), Some(numbered(1, &wide)));
-    let newest = numbered(2, &samples::calibration(10));
-    assert_eq!(calibrations.latest(one).unwrap(), Some(newest.clone()));
-    assert_eq!(calibrations.all(one).unwrap(), [numbered(1, &wide), newest]);
-    assert_eq!(calibrations.all(other).unwrap().len(), 1);
-    assert_eq!(calibrations.find(one, 3).unwrap(), None);
 }
 
 #[test]

@@ -2,16 +2,17 @@
 
 use std::path::Path;
 
+use palpate_core::convention::{PoseConvention, PoseDirection, PositionUnit, QuaternionOrder};
 use palpate_core::pose::Pose;
 use palpate_core::reading::Looseness;
 use palpate_core::reading::point_contact::ContactNumbers;
 use palpate_core::sensor::line::{Goodness, Line};
 use palpate_core::sensor::spread_fit::SpreadFit;
 use palpate_core::sensor::{
-    Calibration, Coupling, CoveringEdge, SensorDescription, SensorKnowledge, SensorParameters,
-    SpreadKernel, StatedRanges, TaxelResponse, TaxelState,
+    Calibration, Coupling, CoveringEdge, Estimate, ImageOrder, Passport, SensorDescription,
+    SensorKnowledge, SensorParameters, SpreadKernel, StatedRanges, TaxelResponse, TaxelState,
 };
-use palpate_store::calibration::{StoredCalibration, StoredSpread};
+use palpate_store::calibration::{StoredLines, StoredPassport, StoredSpread};
 use palpate_store::catalogue::{Catalogue, Draft, VersionObject};
 use palpate_store::database::Database;
 use palpate_store::entity::{
@@ -146,8 +147,8 @@ pub(crate) fn calibrated_entry(robot: &str, seq: u64, calibration: u32) -> NewEn
     NewEntry { event, ..entry(robot, seq) }
 }
 
-/// A calibration of 2 × 2 taxels, one of every state.
-pub(crate) fn calibration(sensor: u128) -> StoredCalibration {
+/// Response lines of 2 × 2 taxels, one of every state, as the first calibration brings them.
+pub(crate) fn taxel_lines() -> StoredLines {
     let taxel = |slope, offset, state| {
         let r_squared = 1.0 - offset / 100.0;
         TaxelResponse { line: Line { slope, offset }, r_squared, state }
@@ -160,9 +161,8 @@ pub(crate) fn calibration(sensor: u128) -> StoredCalibration {
     ];
     let target = Line { slope: 1e7, offset: 2.5 };
     let fit = SpreadFit { sigma: 2.7e-3, sigma_in_widths: 1.35, cosine: 0.99, pearson: 0.98 };
-    StoredCalibration {
-        sensor: Uuid::from_u128(sensor),
-        number: 0,
+    StoredLines {
+        since: 1,
         calibration: Calibration::new(target, taxels).unwrap(),
         before: Goodness { r_squared: 0.9, residual: 400.0 },
         after: Goodness { r_squared: 0.999, residual: 20.0 },
@@ -174,6 +174,38 @@ pub(crate) fn calibration(sensor: u128) -> StoredCalibration {
             covering_thickness: Some(1.016e-3),
         }),
         created_at_ms: 1_700_000_000_012,
+    }
+}
+
+/// A passport, as the first calibration brings it.
+pub(crate) fn passport() -> StoredPassport {
+    let estimate = |value, deviation| Estimate { value, deviation };
+    StoredPassport {
+        since: 1,
+        passport: Passport {
+            pascals: 1e3,
+            convention: PoseConvention {
+                unit: PositionUnit::Inch,
+                quaternion: QuaternionOrder::Wxyz,
+                direction: PoseDirection::SensorFromSession,
+            },
+            image_order: ImageOrder { cols_reversed: true, ..ImageOrder::default() },
+            sent_from_true: Pose::new([0.001, 0.0, -0.004], [0.0, 0.6, 0.0, 0.8]).unwrap(),
+            dead: vec![3],
+            gain: estimate(1.25, 0.125),
+            stiffening: estimate(0.5, 0.25),
+            point_spread: estimate(2e-3, 2.5e-4),
+            margin: Some(1e-3),
+            edge: CoveringEdge::LosesForce,
+            is_edge_known: true,
+            looseness: 3e-4,
+        },
+        touched: "reference_ridge".to_owned(),
+        object: Some(Uuid::from_u128(20)),
+        n_touches: 20,
+        residual: (0.25, 0.0625),
+        undetermined: vec!["edge".to_owned()],
+        created_at_ms: 1_700_000_000_013,
     }
 }
 

@@ -76,6 +76,7 @@ pub(crate) async fn placeholders(asked: &Asked) -> Vec<(String, Vec<String>)> {
         one("version", "1"),
         one("object", "hammer"),
         one("sensor", "probe"),
+        one("body", "cube"),
         one("key", "none"),
         one("job", "none"),
     ]
@@ -152,6 +153,7 @@ fn bodies(path: &str) -> Vec<Value> {
             json!({"name": "made", "description": open_description(), "coupling": coupling()}),
         ],
         "/v1/sensors/{sensor}/calibration" => vec![calibration()],
+        "/v1/sensors/{sensor}/commissionings" => vec![commissioning()],
         "/v1/sensors/{sensor}/check" => vec![full(reading()), featured()],
         "/v1/sessions" => sessions(),
         "/v1/sessions/{session}/lease" => vec![json!({"seconds": 60})],
@@ -274,6 +276,14 @@ fn calibration() -> Value {
     });
     json!({"response": response.collect::<Vec<_>>(), "spread": {"indenter_diameter": 0.001,
         "covering_thickness": 0.002, "presses": presses.collect::<Vec<_>>()}})
+}
+
+/// Touches of the hammer, whose pose is stated.
+fn commissioning() -> Value {
+    let of = |touch: &Value| json!({"image": touch["image"], "pose": touch["pose"]});
+    let readings: Vec<Value> = touches("hammer", 8).iter().map(of).collect();
+    json!({"object": "hammer", "seed": 1, "readings": readings, "session_from_object":
+        {"position": [0.0, 0.0, 0.0], "orientation": [0.0, 0.0, 0.0, 1.0]}})
 }
 
 /// A sensor of 6 × 6 taxels.

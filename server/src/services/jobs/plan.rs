@@ -1,6 +1,6 @@
 //! Plans of trainings: the request is checked on arrival, and its names are looked up at its turn.
 
-use palpate_schemas::StartTraining;
+use palpate_schemas::{SensorKnowledge, StartTraining};
 use palpate_store::catalogue::{Manifest, VersionObject};
 use palpate_store::entity::Object;
 use palpate_store::error::StoreError;
@@ -33,7 +33,17 @@ impl Jobs {
             )
         })?;
         training.sensor = Some(sensor.id.to_string());
-        let by_default = convert::coupling::knowledge(sensor.knowledge);
+        let passport = self.sensors.known().newest(sensor.id).map_err(Cause::from)?;
+        let passport = passport.and_then(|applied| applied.passport);
+        if passport.is_none() && training.sensor_knowledge == Some(SensorKnowledge::Commissioned) {
+            let detail = format!(
+                "came `commissioned`, but the sensor {:?} has no passport: commission it first",
+                sensor.name
+            );
+            return Err(Cause::field("/sensor_knowledge", detail).into());
+        }
+        let stated = convert::coupling::knowledge(sensor.knowledge);
+        let by_default = passport.map_or(stated, |_| SensorKnowledge::Commissioned);
         training.sensor_knowledge = Some(training.sensor_knowledge.unwrap_or(by_default));
         let known = base.map_or(Vec::new(), |(manifest, _)| manifest.objects);
         let objects = self.objects_of(&training, &known)?;
@@ -74,10 +84,18 @@ impl Jobs {
             config: convert::appearance::config(settings),
             source: settings.source.unwrap_or_default(),
         });
+        let knowledge = convert::training::stated_knowledge(training);
+        let sensor = self.sensors.get(training.sensor.as_deref().unwrap_or_default())?;
+        let sensor = match knowledge {
+            SensorKnowledge::Commissioned => self.sensors.known().interpreted(sensor)?,
+            SensorKnowledge::Measured | SensorKnowledge::DataSheet | SensorKnowledge::Unknown => {
+                sensor
+            }
+        };
         Ok(Plan {
             objects: objects?,
-            sensor: self.sensors.get(training.sensor.as_deref().unwrap_or_default())?,
-            knowledge: convert::training::knowledge(training),
+            sensor,
+            knowledge,
             readings_per_object: training.readings_per_object.map_or(1000, |n| n as usize),
             seed: training.seed.unwrap_or(1),
             config: convert::training::config(training)?,

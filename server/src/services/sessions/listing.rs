@@ -75,7 +75,12 @@ impl Sessions {
         for entry in &entries {
             let by = withdrawn.get(&entry.seq).map(|by| journal.entry(session, *by));
             let by = by.transpose()?.flatten();
-            items.extend(reading::of_session(entry, by.as_ref(), |key| self.keys.writer(key)));
+            let corrected = match &entry.event {
+                Event::Reading(reading) => self.tools.sensors.pose(reading)?,
+                Event::Retraction { .. } | Event::Closed => None,
+            };
+            let writer = |key| self.keys.writer(key);
+            items.extend(reading::of_session(entry, by.as_ref(), corrected, writer));
         }
         let is_last = next >= journal.len(session)?;
         Ok(wire::SessionReadingPage { items, next_cursor: (!is_last).then(|| next.to_string()) })

@@ -123,8 +123,8 @@ pub(super) fn own_readings(
             Some(_) => return Err(TrainingFailure::Sensors { object: name() }),
             None => sources.sensors.get(&stored.sensor.to_string())?,
         };
-        let calibration = sources.sensors.known().calibration(used.id, stored.calibration)?;
-        let reading = press_from_store(stored, &used, calibration.as_deref())
+        let correction = sources.sensors.known().correction(stored)?;
+        let reading = press_from_store(stored, &used, correction.as_deref())
             .map_err(|source| TrainingFailure::Reading { object: name(), source })?;
         readings.push(reading);
         features.extend(stored.feature.clone());
@@ -132,6 +132,7 @@ pub(super) fn own_readings(
     }
     let object = object.clone();
     let are_placed = plan.sva || plan.surface;
+    let sensor = sensor.map(|sensor| sources.sensors.known().interpreted(sensor)).transpose()?;
     Ok(sensor.map(|sensor| Material {
         object,
         touched: Touched::of(&readings, &sensor.description, are_placed),

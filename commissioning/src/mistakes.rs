@@ -1,15 +1,15 @@
 //! Mistakes of a set-up: what a robot's driver does to touches before it sends them.
 
 use glam::DQuat;
-use palpate_commissioning::commission::{ORDERS, PressureUnit};
-use palpate_commissioning::touch::{
-    PoseConvention, PoseDirection, PositionUnit, QuaternionOrder, SentTouch,
-};
+use palpate_core::convention::{PoseConvention, PoseDirection, PositionUnit, QuaternionOrder};
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
 use palpate_core::rng::Stream;
 use palpate_core::sensor::{ImageOrder, SensorDescription};
 use palpate_core::units::{DEG, MM};
+
+use crate::commission::{ORDERS, PressureUnit};
+use crate::touch::SentTouch;
 
 /// Largest errors of a tool centre that are drawn: offset (m) and turn (rad).
 const TOOL_OFFSET: f64 = 5.0 * MM;
@@ -17,19 +17,28 @@ const TOOL_TURN: f64 = 5.0 * DEG;
 
 /// A kind of mistake.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub enum Kind {
+    /// Pressures in another unit.
     PressureUnit,
+    /// Positions in another unit.
     PositionUnit,
+    /// Images with reversed rows or columns.
     Mirror,
+    /// Transposed images.
     Transposition,
+    /// Rotated images.
     Rotation,
+    /// Quaternions with w first.
     QuaternionOrder,
+    /// Inverted poses.
     InvertedPose,
+    /// A tool centre that is off by a few millimetres and degrees.
     ToolCenter,
 }
 
 impl Kind {
-    pub(super) const ALL: [Self; 8] = [
+    /// Every kind.
+    pub const ALL: [Self; 8] = [
         Self::PressureUnit,
         Self::PositionUnit,
         Self::Mirror,
@@ -41,7 +50,8 @@ impl Kind {
     ];
 
     /// Name of the figure that states how often it is found.
-    pub(super) fn figure(self) -> &'static str {
+    #[must_use]
+    pub fn figure(self) -> &'static str {
         match self {
             Self::PressureUnit => "found_pressure_unit",
             Self::PositionUnit => "found_position_unit",
@@ -61,18 +71,35 @@ impl Kind {
 
 /// A set-up as it is, unlike what its description states.
 #[derive(Clone, Debug)]
-pub(super) struct Mistake {
-    pub(super) kinds: Vec<Kind>,
-    pub(super) pressure: PressureUnit,
-    pub(super) convention: PoseConvention,
-    pub(super) order: ImageOrder,
+pub struct Mistake {
+    /// What is wrong.
+    pub kinds: Vec<Kind>,
+    /// Unit of the pressures.
+    pub pressure: PressureUnit,
+    /// Convention of the poses.
+    pub convention: PoseConvention,
+    /// Order of the images.
+    pub order: ImageOrder,
     /// `sent_from_true` sensor.
-    pub(super) tool: Pose,
+    pub tool: Pose,
 }
 
 impl Mistake {
+    /// A set-up without a mistake.
+    #[must_use]
+    pub fn none() -> Self {
+        Self {
+            kinds: Vec::new(),
+            pressure: PressureUnit::Pascal,
+            convention: PoseConvention::STATED,
+            order: ORDERS[0],
+            tool: Pose::IDENTITY,
+        }
+    }
+
     /// A set-up with `n` different mistakes; two orders of one image would be a third one.
-    pub(super) fn draw(n: usize, stream: &mut Stream) -> Self {
+    #[must_use]
+    pub fn draw(n: usize, stream: &mut Stream) -> Self {
         let mut kinds: Vec<Kind> = Vec::new();
         while kinds.len() < n {
             let kind = Kind::ALL[stream.index(Kind::ALL.len())];
@@ -81,15 +108,15 @@ impl Mistake {
                 kinds.push(kind);
             }
         }
-        let mut mistake = Self {
-            kinds: kinds.clone(),
-            pressure: PressureUnit::Pascal,
-            convention: PoseConvention::STATED,
-            order: ORDERS[0],
-            tool: Pose::IDENTITY,
-        };
+        Self::of(&kinds, stream)
+    }
+
+    /// A set-up with these mistakes, their sizes drawn.
+    #[must_use]
+    pub fn of(kinds: &[Kind], stream: &mut Stream) -> Self {
+        let mut mistake = Self { kinds: kinds.to_vec(), ..Self::none() };
         for kind in kinds {
-            mistake.make(kind, stream);
+            mistake.make(*kind, stream);
         }
         mistake
     }
@@ -126,7 +153,8 @@ impl Mistake {
     }
 
     /// A touch as this set-up sends it; the reading's pose is `object_from_sensor`.
-    pub(super) fn sent(
+    #[must_use]
+    pub fn sent(
         &self,
         reading: &Reading,
         session_from_object: Pose,
