@@ -690,6 +690,46 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/reference-bodies": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List the reference bodies
+         * @description Bodies to print and to touch, if no object of a catalogue is at hand.
+         */
+        get: operations["list_reference_bodies"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/reference-bodies/{body}/mesh": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get a reference body's mesh
+         * @description A binary STL in millimetres, ready to print.
+         */
+        get: operations["get_reference_mesh"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/robots": {
         parameters: {
             query?: never;
@@ -774,7 +814,7 @@ export interface paths {
         post?: never;
         /**
          * Delete a sensor
-         * @description Also deletes its calibrations. 409 while a stored object or session has a reading of the sensor,
+         * @description Also deletes its calibrations and its health. 409 while a stored object or session has a reading of the sensor,
          *     or an unfinished job touches with it. Presets cannot be deleted.
          */
         delete: operations["delete_sensor"];
@@ -825,6 +865,75 @@ export interface paths {
          *     the path.
          */
         post: operations["check_reading"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/sensors/{sensor}/commissionings": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Commission a sensor
+         * @description Finds from 8 to 100 touches of one known object what holds for the sensor on its robot: units,
+         *     order of images and quaternions, direction of poses, tool centre, response and edge of the
+         *     covering, single taxels. The touches come as the driver sends them. With `apply` the result
+         *     becomes the sensor's passport, which corrects readings received after it; the newest calibration
+         *     of the taxels stays and applies first, and `calibration` is the number of the passport.
+         */
+        post: operations["commission_sensor"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/sensors/{sensor}/health": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get a sensor's health
+         * @description Whether to commission the sensor again, and why. Presses that met nothing show offsets, drift
+         *     and noise of taxels; presses beside which neighbours answer show dead and weak ones; sessions
+         *     that recognised their object with the method `surface` and at least six touches show the error
+         *     of the tool centre. A session is counted when it has ended, in the background; `n_waiting` tells
+         *     how many are not counted yet. Days of earlier calibrations do not count.
+         */
+        get: operations["get_sensor_health"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/sensors/{sensor}/passport": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get a sensor's passport
+         * @description Returns the passport of the newest calibration, or of the one with the given number. 404 if it
+         *     has none.
+         */
+        get: operations["get_passport"];
+        put?: never;
+        post?: never;
         delete?: never;
         options?: never;
         head?: never;
@@ -1750,6 +1859,102 @@ export interface components {
          * @enum {string}
          */
         ClusteringKind: "mixture" | "shared_mixture" | "per_object" | "k_means";
+        /**
+         * @description Touches of one known object at rest, as the driver sends them. Exactly one of `object` and
+         *     `reference_body` names it.
+         */
+        CommissionSensor: {
+            /**
+             * @description Whether the findings become the sensor's passport, which corrects readings received after
+             *     it. Default: false.
+             */
+            apply?: boolean;
+            /**
+             * @description Id or name of the touched object, which has a mesh.
+             * @example mug
+             */
+            object?: string | null;
+            /**
+             * @description The touches, in the numbers that the driver sends. Touch faces with different normals, edges
+             *     and corners; about twenty tell enough.
+             */
+            readings: components["schemas"]["CommissioningReading"][];
+            reference_body?: components["schemas"]["ReferenceBodyName"] | null;
+            /**
+             * Format: int64
+             * @description Seed of the search. The same request gives the same findings. Default: 0.
+             */
+            seed?: number | null;
+            session_from_object?: components["schemas"]["Pose"] | null;
+        };
+        /** @description Images of one touch, observed and predicted, in pascal, row-major in the order that was found. */
+        CommissionedTouch: {
+            /** @description The image that came, in pascal; 0 for a taxel without a value. */
+            observed: number[];
+            /** @description The image that the findings predict. */
+            predicted: number[];
+            /**
+             * Format: int32
+             * @description Index of the touch in the request.
+             */
+            reading: number;
+        };
+        /** @description What touches of a known object say about a sensor on its robot. */
+        Commissioning: {
+            /**
+             * Format: int32
+             * @description Number of the calibration that the passport was stored as; null if it was not applied.
+             */
+            calibration?: number | null;
+            /** @description Every finding. */
+            findings: components["schemas"]["Finding"][];
+            /**
+             * Format: int32
+             * @description Number of touches with a pressure; the others say nothing.
+             */
+            n_touches: number;
+            /** @description The passport that follows from the findings. */
+            passport: components["schemas"]["Passport"];
+            /**
+             * Format: double
+             * @description The same with the set-up as found. Above 0.12 the touches are not understood.
+             */
+            residual_after: number;
+            /**
+             * Format: double
+             * @description Root mean square misfit of a pressure as a share of its touch's largest, with the set-up as
+             *     stated.
+             */
+            residual_before: number;
+            /**
+             * Format: uuid
+             * @description The sensor.
+             */
+            sensor: string;
+            /** @description Pose of the object's mesh in the session frame. */
+            session_from_object: components["schemas"]["Pose"];
+            /** @description The verdict in plain words. */
+            summary: string;
+            /** @description The tool centre in numbers. */
+            tool_center: components["schemas"]["ToolCenterEstimate"];
+            /** @description Name of the touched object or reference body. */
+            touched: string;
+            /** @description Images of the touches with a pressure, observed and predicted. */
+            touches: components["schemas"]["CommissionedTouch"][];
+            /** @description Findings that these touches do not determine. */
+            undetermined: components["schemas"]["FindingName"][];
+            /** @description `wrong` if something needs a correction, `undetermined` if something is open, else `right`. */
+            verdict: components["schemas"]["FindingVerdict"];
+            /** @description Findings that need a correction. */
+            wrong: components["schemas"]["FindingName"][];
+        };
+        /** @description One touch in the numbers that the driver sends, whatever their unit and convention. */
+        CommissioningReading: {
+            /** @description The image as the driver sends it; null for a taxel without a value. */
+            image: (number | null)[];
+            /** @description The pose as the driver sends it; the quaternion has norm 1. */
+            pose: components["schemas"]["Pose"];
+        };
         /** @description Result of a compaction. */
         Compacted: {
             /**
@@ -2191,6 +2396,53 @@ export interface components {
              */
             pointer: string;
         };
+        /** @description One finding. */
+        Finding: {
+            /**
+             * @description The correction to make, in one sentence; null if none is needed.
+             * @example Multiply pressures by 1000: they are in kPa.
+             */
+            correction?: string | null;
+            /**
+             * Format: double
+             * @description Standard deviation of `value`; null for choices, and if these touches say nothing.
+             */
+            deviation?: number | null;
+            /**
+             * @description The likeliest possibility, in words.
+             * @example kPa
+             */
+            found: string;
+            /** @description Name of the finding. */
+            name: components["schemas"]["FindingName"];
+            /**
+             * Format: double
+             * @description Probability of `found` against the other possibilities, for choices; null for numbers.
+             */
+            probability?: number | null;
+            /**
+             * @description What the set-up states, in words; null if it states nothing.
+             * @example Pa
+             */
+            stated?: string | null;
+            /**
+             * Format: double
+             * @description Value in SI units, for single numbers; null for choices.
+             */
+            value?: number | null;
+            /** @description Consequence of the finding. */
+            verdict: components["schemas"]["FindingVerdict"];
+        };
+        /**
+         * @description Finding about a sensor on its robot.
+         * @enum {string}
+         */
+        FindingName: "pressure_unit" | "position_unit" | "quaternion_order" | "pose_direction" | "image_order" | "tool_center" | "gain" | "stiffening" | "point_spread" | "edge" | "taxels" | "looseness";
+        /**
+         * @description Consequence of a finding.
+         * @enum {string}
+         */
+        FindingVerdict: "right" | "wrong" | "undetermined";
         /** @description The open sessions. */
         Fleet: {
             /**
@@ -2268,6 +2520,43 @@ export interface components {
             /** @description Kind of contact map: a pressed plane or a whole surface. */
             kind: components["schemas"]["GeometricKind"];
         };
+        /**
+         * @description Kind of a reason.
+         * @enum {string}
+         */
+        HealthCode: "dead" | "stuck" | "common_offset" | "offset" | "drift" | "noise" | "gain" | "tool_center";
+        /** @description A reason for a verdict. */
+        HealthReason: {
+            /** @description The axis of the sensor frame concerned, `x`, `y` or `z`; null for taxels. */
+            axis?: string | null;
+            /** @description Kind of the reason, for programs; stable between releases. */
+            code: components["schemas"]["HealthCode"];
+            /** @description What was found and what was expected. */
+            detail: string;
+            /**
+             * Format: double
+             * @description The expected value; for `common_offset`, `offset`, `drift` and `tool_center` the largest
+             *     expected size.
+             */
+            expected: number;
+            /** @description The state that it alone would give. */
+            state: components["schemas"]["HealthState"];
+            /**
+             * Format: int32
+             * @description Index of the taxel concerned; null for the whole sensor.
+             */
+            taxel?: number | null;
+            /**
+             * Format: double
+             * @description The value found: Pa, for `gain` a ratio, for `tool_center` metres.
+             */
+            value: number;
+        };
+        /**
+         * @description State of a sensor.
+         * @enum {string}
+         */
+        HealthState: "unknown" | "good" | "watch" | "commission";
         /** @description Orientation of the driver's image relative to the row-major order of the sensor frame. */
         ImageOrder: {
             /** @description Whether the driver's first column is the frame's last. */
@@ -2457,6 +2746,19 @@ export interface components {
              * @description The session.
              */
             session: string;
+        };
+        /** @description A number with its standard deviation, in SI units. */
+        Measured: {
+            /**
+             * Format: double
+             * @description Standard deviation of the value; null if the touches say nothing.
+             */
+            deviation?: number | null;
+            /**
+             * Format: double
+             * @description The likeliest value.
+             */
+            value: number;
         };
         /** @description Two versions whose contact maps are to be merged. */
         MergeMaps: {
@@ -2858,6 +3160,51 @@ export interface components {
             prior: number;
         };
         /**
+         * @description Correction of a sensor's readings, and the sensor as it was measured. Only what was found wrong
+         *     is corrected; what is undetermined stays as stated.
+         */
+        Passport: {
+            /** @description Dead taxels, as row-major indices in the sensor frame's order. */
+            dead: number[];
+            edge?: components["schemas"]["CoveringEdge"] | null;
+            /** @description Factor on the pressures of the described force curve. */
+            gain: components["schemas"]["Measured"];
+            /** @description Order of the driver's images; it takes the place of the description's. */
+            image_order: components["schemas"]["ImageOrder"];
+            /**
+             * Format: double
+             * @description Standard deviation of single poses, in metres.
+             */
+            looseness_m: number;
+            /**
+             * Format: double
+             * @description Extent of the covering beyond the array, in metres; null if it has no end within reach.
+             */
+            margin?: number | null;
+            /** @description Standard deviation of the point spread, in metres. */
+            point_spread: components["schemas"]["Measured"];
+            /** @description Direction of sent poses. */
+            pose_direction: components["schemas"]["PoseDirection"];
+            /**
+             * Format: double
+             * @description Factor from sent positions to metres.
+             * @example 1
+             */
+            position_factor: number;
+            /**
+             * Format: double
+             * @description Factor from sent pressures to pascal.
+             * @example 1000
+             */
+            pressure_factor: number;
+            /** @description Order of sent quaternions. */
+            quaternion_order: components["schemas"]["QuaternionOrder"];
+            /** @description Correction of the tool centre: a pose as sent times it is the true pose. */
+            sent_from_true: components["schemas"]["Pose"];
+            /** @description Excess of the pressure ratio at full indentation over that at first touch. */
+            stiffening: components["schemas"]["Measured"];
+        };
+        /**
          * PlanarPosePrior
          * @description Flat in a plane, for maps of kind `planar`: uniform in x, y and rotation.
          */
@@ -2950,6 +3297,11 @@ export interface components {
              */
             position: number[];
         };
+        /**
+         * @description Frames between which a pose maps.
+         * @enum {string}
+         */
+        PoseDirection: "session_from_sensor" | "sensor_from_session";
         /** @description Hypothesis of an object and its pose. */
         PoseHypothesis: {
             /**
@@ -3027,6 +3379,11 @@ export interface components {
          * @enum {string}
          */
         ProblemType: "urn:palpate:problem:malformed-request" | "urn:palpate:problem:unauthenticated" | "urn:palpate:problem:forbidden" | "urn:palpate:problem:not-found" | "urn:palpate:problem:method-not-allowed" | "urn:palpate:problem:timeout" | "urn:palpate:problem:wrong-state" | "urn:palpate:problem:conflict" | "urn:palpate:problem:quota-exceeded" | "urn:palpate:problem:session-ended" | "urn:palpate:problem:precondition-failed" | "urn:palpate:problem:precondition-required" | "urn:palpate:problem:body-too-large" | "urn:palpate:problem:unsupported-media-type" | "urn:palpate:problem:invalid-value" | "urn:palpate:problem:too-many-requests" | "urn:palpate:problem:overloaded" | "urn:palpate:problem:unavailable" | "urn:palpate:problem:storage-full" | "urn:palpate:problem:damaged" | "urn:palpate:problem:internal";
+        /**
+         * @description Order of the numbers of a quaternion.
+         * @enum {string}
+         */
+        QuaternionOrder: "xyzw" | "wxyz";
         /** @description Readiness of the server, check by check. */
         Readiness: {
             /** @description The checks. */
@@ -3149,13 +3506,21 @@ export interface components {
             missing: number[];
             /**
              * Format: int32
+             * @description Number of the calibration whose passport corrected image and pose; null if none did.
+             */
+            passport?: number | null;
+            /**
+             * Format: int32
              * @description Number of rows of `image`.
              */
             rows: number;
             /** @description Saturated taxels, as indices into `image`. */
             saturated: number[];
             sensor_z_in_session?: components["schemas"]["Point"] | null;
-            /** @description Taxels that the calibration excludes (dead or cross-wired), as indices into `image`. */
+            /**
+             * @description Taxels that the calibration or the passport excludes (dead or cross-wired), as indices into
+             *     `image`.
+             */
             unusable?: number[];
             /** @description Probable mistakes, such as pressures in kPa or positions in millimetres. */
             warnings?: components["schemas"]["Warning"][];
@@ -3295,6 +3660,32 @@ export interface components {
              */
             warnings?: components["schemas"]["Warning"][];
         };
+        /** @description The reference bodies. */
+        ReferenceBodies: {
+            /** @description The bodies. */
+            items: components["schemas"]["ReferenceBody"][];
+        };
+        /** @description A reference body to print and to touch. */
+        ReferenceBody: {
+            /**
+             * Format: int32
+             * @description Number of triangles of the mesh.
+             */
+            n_triangles: number;
+            /** @description Name of the body. */
+            name: components["schemas"]["ReferenceBodyName"];
+            /** @description Size along x, y and z, in metres. */
+            size: number[];
+            /** @description The face that it stands on, which need not be touched. */
+            stands_on: string;
+            /** @description What touches of the body tell. */
+            tells: string;
+        };
+        /**
+         * @description A body to print and to touch, if no object of the catalogue is at hand.
+         * @enum {string}
+         */
+        ReferenceBodyName: "ridge" | "sphere" | "cube" | "wedge";
         /** @description Replay of a session: its answer at each revision. */
         Replay: {
             /** @description The belief after the last of these steps. */
@@ -3478,6 +3869,12 @@ export interface components {
             id: string;
             /** @description Unique name of the sensor. */
             name: string;
+            /**
+             * Format: int32
+             * @description Number of the calibration that brought the passport which applies to new readings; null if
+             *     the sensor was not commissioned.
+             */
+            passport?: number | null;
             /** @description The preset the sensor was created from, if any. */
             preset?: string | null;
             /** @description The owner's trust in the description. */
@@ -3509,6 +3906,11 @@ export interface components {
              * @description Number of the calibration, from 1 per sensor.
              */
             number: number;
+            /**
+             * Format: int32
+             * @description Number of the calibration whose passport applies after these lines; null if there is none.
+             */
+            passport?: number | null;
             /**
              * Format: uuid
              * @description The sensor.
@@ -3567,17 +3969,124 @@ export interface components {
              */
             saturation: number;
         };
+        /** @description A sensor's health, from the sessions that ended with its readings. */
+        SensorHealth: {
+            /**
+             * Format: int32
+             * @description Number of the calibration that days must have to count; null if the sensor has none.
+             */
+            calibration?: number | null;
+            /**
+             * @description Taxels that never answer while those beside them do, as indices into the image (row-major
+             *     in the sensor's frame).
+             */
+            dead: number[];
+            /** @description First day that counts, such as `2026-11-25` (UTC); null if there is none. */
+            first_day?: string | null;
+            /** @description Last day that counts; null if there is none. */
+            last_day?: string | null;
+            /**
+             * Format: int32
+             * @description Number of days that count, at most 30.
+             */
+            n_days: number;
+            /**
+             * Format: int32
+             * @description Number of their presses with an image.
+             */
+            n_presses: number;
+            /**
+             * Format: int32
+             * @description Number of those that met nothing.
+             */
+            n_quiet: number;
+            /**
+             * Format: int32
+             * @description Number of reasons.
+             */
+            n_reasons: number;
+            /**
+             * Format: int32
+             * @description Number of sessions of these days.
+             */
+            n_sessions: number;
+            /**
+             * Format: int32
+             * @description Number of sessions, of any sensor, that ended and are not counted yet.
+             */
+            n_waiting: number;
+            /** @description The sensor's name. */
+            name: string;
+            /** @description Reasons for the verdict, the severest first; at most 32. */
+            reasons: components["schemas"]["HealthReason"][];
+            rest?: components["schemas"]["SensorRest"] | null;
+            /**
+             * Format: uuid
+             * @description The sensor's id.
+             */
+            sensor: string;
+            /** @description The verdict. */
+            state: components["schemas"]["HealthState"];
+            /** @description Taxels that always have the same value while those beside them do not. */
+            stuck: number[];
+            /** @description The verdict in words. */
+            summary: string;
+            tool_center?: components["schemas"]["ToolCenterError"] | null;
+        };
         /**
          * @description Trust in a sensor's description, which decides how meshes are pressed in trainings.
          * @enum {string}
          */
-        SensorKnowledge: "measured" | "data_sheet" | "unknown";
+        SensorKnowledge: "measured" | "data_sheet" | "unknown" | "commissioned";
         /** @description A page of sensors. */
         SensorPage: {
             /** @description The sensors, oldest first. */
             items: components["schemas"]["Sensor"][];
             /** @description The cursor of the next page; null on the last. */
             next_cursor?: string | null;
+        };
+        /** @description The passport of a sensor, as stored. */
+        SensorPassport: {
+            /** @description The corrections, one sentence each. */
+            corrections: string[];
+            /**
+             * Format: date-time
+             * @description When it was applied.
+             */
+            created_at: string;
+            /**
+             * Format: int32
+             * @description Number of touches.
+             */
+            n_touches: number;
+            /**
+             * Format: int32
+             * @description Number of the calibration that brought the passport.
+             */
+            number: number;
+            /** @description The passport. */
+            passport: components["schemas"]["Passport"];
+            /**
+             * Format: double
+             * @description Misfit with the set-up as found.
+             */
+            residual_after: number;
+            /**
+             * Format: double
+             * @description Misfit with the set-up as stated, as a share of a touch's largest pressure.
+             */
+            residual_before: number;
+            /**
+             * Format: uuid
+             * @description The sensor.
+             */
+            sensor: string;
+            /** @description Name of the touched object or reference body. */
+            touched: string;
+            /** @description Findings that the touches did not determine, which stay as stated. */
+            undetermined: components["schemas"]["FindingName"][];
+            /** @description Findings that the passport corrects. */
+            wrong: components["schemas"]["FindingName"][];
         };
         /**
          * @description A sensor that the server knows by name.
@@ -3599,6 +4108,33 @@ export interface components {
             spread_factor?: components["schemas"]["NumberRange"] | null;
             stiffening?: components["schemas"]["NumberRange"] | null;
             stiffness?: components["schemas"]["NumberRange"] | null;
+        };
+        /** @description Taxels at rest, row-major in the sensor's frame, in pascal. Null for a taxel without a value. */
+        SensorRest: {
+            /** @description Change of each since its mean of the first days; null until there are enough days. */
+            changes?: (number | null)[] | null;
+            /**
+             * Format: double
+             * @description Pressure above which a taxel counts as touched.
+             */
+            contact_floor: number;
+            /**
+             * Format: double
+             * @description Noise of the sensor's description.
+             */
+            described_noise: number;
+            /**
+             * Format: int32
+             * @description Number of presses of the newest days that met nothing.
+             */
+            n_presses: number;
+            /** @description Standard deviation of each taxel. */
+            noise: (number | null)[];
+            /**
+             * @description Value of each taxel of late: the mean of its values, in which each counts a tenth less than
+             *     the next.
+             */
+            pressures: (number | null)[];
         };
         /** @description A session: one object that is touched. */
         Session: {
@@ -3723,6 +4259,7 @@ export interface components {
              */
             calibration?: number | null;
             contact?: components["schemas"]["Contact"] | null;
+            corrected_pose?: components["schemas"]["Pose"] | null;
             /** @description The client's own feature of the press; null if not sent. */
             feature?: number[] | null;
             /** @description Pressures in pascal, as sent; empty for a contact without an image. */
@@ -4208,6 +4745,32 @@ export interface components {
          * @enum {string}
          */
         TaxelState: "ok" | "dead" | "cross_wired";
+        /** @description Place of the sensor relative to the stated one, according to recognised sessions. */
+        ToolCenterError: {
+            /** @description Standard deviation of each, in metres. */
+            deviation_m: number[];
+            /**
+             * Format: int32
+             * @description Number of sessions.
+             */
+            n_sessions: number;
+            /**
+             * Format: int32
+             * @description Number of their touches.
+             */
+            n_touches: number;
+            /** @description x, y, z in the sensor's frame, in metres: where it is, less where it was stated. */
+            shift_m: number[];
+        };
+        /** @description Estimate of the tool centre. */
+        ToolCenterEstimate: {
+            /** @description Offset along the sensor's x, y and z as sent, in metres. */
+            offset: components["schemas"]["Measured"][];
+            /** @description Correction of the tool centre: a pose as sent times it is the true pose. */
+            sent_from_true: components["schemas"]["Pose"];
+            /** @description Rotation vector about the sensor's x, y and z as sent, in radians. */
+            turn: components["schemas"]["Measured"][];
+        };
         /** @description A candidate approach: a straight move from a pose along the sensor's +z until contact. */
         TouchCandidate: {
             /**
@@ -4373,7 +4936,7 @@ export interface components {
          * @description Kind of a warning.
          * @enum {string}
          */
-        WarningCode: "pressure_unit" | "pressure_low" | "not_tared" | "saturated" | "position_unit" | "position_far" | "sensor_shifted" | "positions_apart" | "object_large" | "object_small" | "sizes_differ" | "few_touches" | "objects_skipped" | "contact_ignored" | "shear_ignored";
+        WarningCode: "pressure_unit" | "pressure_low" | "not_tared" | "saturated" | "position_unit" | "position_far" | "sensor_shifted" | "sensor_changed" | "positions_apart" | "object_large" | "object_small" | "sizes_differ" | "few_touches" | "objects_skipped" | "contact_ignored" | "shear_ignored";
         /** @description The caller, as the server identifies it. */
         Whoami: {
             key?: components["schemas"]["ApiKey"] | null;
@@ -9479,6 +10042,172 @@ export interface operations {
             };
         };
     };
+    list_reference_bodies: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The bodies */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ReferenceBodies"];
+                };
+            };
+            /** @description The API key is missing or not valid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
+            429: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal error, or the stored data is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
+            503: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    get_reference_mesh: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description `ridge`, `sphere`, `cube` or `wedge` */
+                body: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The file */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "model/stl": components["schemas"]["MeshFile"];
+                };
+            };
+            /** @description The API key is missing or not valid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Nothing has this id or name */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
+            429: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal error, or the stored data is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
+            503: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
     list_robots: {
         parameters: {
             query?: {
@@ -10795,6 +11524,375 @@ export interface operations {
             /** @description The disk is full: nothing was stored */
             507: {
                 headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    commission_sensor: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The sensor's id or name */
+                sensor: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["CommissionSensor"];
+            };
+        };
+        responses: {
+            /** @description The findings */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Commissioning"];
+                };
+            };
+            /** @description The body cannot be read */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The API key is missing or not valid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the required roles: trainer, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Nothing has this id or name */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The body did not arrive in time */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The content type is not one of those expected */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A value is invalid; `errors` names it */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *       "errors": [
+                     *         {
+                     *           "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *           "pointer": "/readings/0/pose/orientation"
+                     *         }
+                     *       ],
+                     *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 422,
+                     *       "title": "Invalid value",
+                     *       "type": "urn:palpate:problem:invalid-value"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
+            429: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal error, or the stored data is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
+            503: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The disk is full: nothing was stored */
+            507: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    get_sensor_health: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The sensor's id or name */
+                sensor: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The sensor's health */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["SensorHealth"];
+                };
+            };
+            /** @description The API key is missing or not valid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Nothing has this id or name */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
+            429: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal error, or the stored data is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
+            503: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    get_passport: {
+        parameters: {
+            query?: {
+                /** @description Number of the calibration, from 1. Default: the newest. */
+                number?: number;
+            };
+            header?: never;
+            path: {
+                /** @description The sensor's id or name */
+                sensor: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The passport */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["SensorPassport"];
+                };
+            };
+            /** @description The API key is missing or not valid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Nothing has this id or name */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A value is invalid; `errors` names it */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *       "errors": [
+                     *         {
+                     *           "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *           "pointer": "/readings/0/pose/orientation"
+                     *         }
+                     *       ],
+                     *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 422,
+                     *       "title": "Invalid value",
+                     *       "type": "urn:palpate:problem:invalid-value"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
+            429: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal error, or the stored data is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
+            503: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
                     [name: string]: unknown;
                 };
                 content: {
