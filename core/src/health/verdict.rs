@@ -134,8 +134,7 @@ impl Health {
     #[must_use]
     pub fn is_known(&self) -> bool {
         let shift = self.shift.is_some_and(|shift| shift.n_sessions >= SESSIONS_MIN);
-        let asked = self.recent.taxels.iter().any(|taxel| taxel.n_asked >= ASKED_MIN);
-        !self.findings.is_empty() || self.recent.n_quiet >= REST_MIN || shift || asked
+        !self.findings.is_empty() || self.recent.n_quiet >= REST_MIN || shift
     }
 
     /// Taxels of one fault.

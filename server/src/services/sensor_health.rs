@@ -178,7 +178,8 @@ impl SensorHealth {
         if days.is_empty() {
             return Ok(());
         }
-        let verdict = wire::SensorHealth { rest: None, ..health(&sensor, &days, 0) };
+        let verdict = health(&sensor, self.calibration(sensor.id)?, &days, 0);
+        let verdict = wire::SensorHealth { rest: None, ..verdict };
         let (state, summary) = (verdict.state, verdict.summary.clone());
         let before = self.verdicts.insert(sensor.id, verdict);
         if state == HealthState::Commission && before.is_none_or(|it| it.state != state) {
@@ -202,9 +203,22 @@ impl SensorHealth {
 
     /// The health of a sensor in its wire form. Blocks.
     pub(crate) fn show(&self, sensor: &Sensor) -> Result<wire::SensorHealth, Cause> {
-        // Counted before they are read: what no longer waits is in the answer.
+        // Read before the days are: a session that no longer waits is in the answer.
         let n_waiting = self.n_waiting();
-        Ok(health(sensor, &self.store.sensor_days().all(sensor.id)?, n_waiting))
+        let (number, days) =
+            (self.calibration(sensor.id)?, self.store.sensor_days().all(sensor.id)?);
+        Ok(health(sensor, number, &days, n_waiting))
+    }
+
+    /// The number of a sensor's newest calibration.
+    fn calibration(&self, sensor: Uuid) -> Result<Option<u32>, UnknownSensor> {
+        Ok(self.known.newest(sensor)?.map(|applied| applied.number))
+    }
+
+    /// The state of a verdict; unknown once the sensor has another calibration.
+    fn state(&self, verdict: &wire::SensorHealth) -> HealthState {
+        let is_current = self.calibration(verdict.sensor).is_ok_and(|it| it == verdict.calibration);
+        if is_current { verdict.state } else { HealthState::Unknown }
     }
 
     /// Warnings about readings of these sensors: one a sensor that is to be commissioned again, at
@@ -213,7 +227,7 @@ impl SensorHealth {
         let first = |index: &usize| !sensors[..*index].contains(&sensors[*index]);
         let warned = |index: usize| {
             let verdict = self.verdicts.get(&sensors[index])?;
-            (verdict.state == HealthState::Commission).then(|| warning(index, &verdict))
+            (self.state(&verdict) == HealthState::Commission).then(|| warning(index, &verdict))
         };
         (0..sensors.len()).filter(first).filter_map(warned).collect()
     }
@@ -227,7 +241,7 @@ impl SensorHealth {
             ("commission", HealthState::Commission),
         ];
         for (name, state) in states {
-            let n = self.verdicts.iter().filter(|verdict| verdict.state == state).count();
+            let n = self.verdicts.iter().filter(|verdict| self.state(verdict) == state).count();
             metrics::gauge!("palpate_sensors", "health" => name).set(n as f64);
         }
         for name in ["palpate_sensor_health_sessions_total", "palpate_sensor_health_left_out_total"]

@@ -1,6 +1,7 @@
 //! Conversion of sensors' health, with its sentences.
 
 use palpate_core::contact::contact_floor;
+use palpate_core::health::day::Day;
 use palpate_core::health::presses::{PressSums, TaxelSums};
 use palpate_core::health::shifts::CommonShift;
 use palpate_core::health::verdict::{Fault, Finding, Health, Severity, judge};
@@ -19,11 +20,16 @@ const REASONS_MAX: usize = 32;
 pub(crate) const DAY_MS: u64 = 86_400_000;
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// A sensor's health by its days, oldest first.
-pub(crate) fn health(sensor: &Sensor, days: &[SensorDay], n_waiting: usize) -> wire::SensorHealth {
-    let found = judged(sensor, days);
-    let calibration = days.last().map_or(0, |newest| newest.day.calibration);
-    let counts = || days.iter().filter(|it| it.day.calibration == calibration);
+/// A sensor's health by its days, oldest first, of which those under its newest calibration count.
+pub(crate) fn health(
+    sensor: &Sensor,
+    calibration: Option<u32>,
+    days: &[SensorDay],
+    n_waiting: usize,
+) -> wire::SensorHealth {
+    let counts = || days.iter().filter(|it| it.day.calibration == calibration.unwrap_or(0));
+    let counted: Vec<Day> = counts().map(|it| it.day.clone()).collect();
+    let found = judge(&counted, &sensor.description);
     let date = |it: &SensorDay| {
         let mut date = time(u64::from(it.day.day) * DAY_MS);
         date.truncate("2026-11-25".len());
@@ -39,7 +45,7 @@ pub(crate) fn health(sensor: &Sensor, days: &[SensorDay], n_waiting: usize) -> w
         summary: summary(&found, &reasons),
         reasons,
         n_reasons: count(found.findings.len()),
-        calibration: (calibration > 0).then_some(calibration),
+        calibration,
         first_day: counts().next().map(date),
         last_day: counts().next_back().map(date),
         n_days: count(counts().count()),
@@ -62,11 +68,6 @@ pub(crate) fn warning(index: usize, health: &wire::SensorHealth) -> wire::Warnin
         pointer: format!("/readings/{index}/sensor"),
         detail: format!("the sensor {:?} has changed: {}", health.name, health.summary),
     }
-}
-
-fn judged(sensor: &Sensor, days: &[SensorDay]) -> Health {
-    let days: Vec<_> = days.iter().map(|it| it.day.clone()).collect();
-    judge(&days, &sensor.description)
 }
 
 fn state(found: &Health) -> HealthState {

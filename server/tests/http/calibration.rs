@@ -9,11 +9,11 @@ use serde_json::{Value, json};
 
 use crate::harness::{BAR, Harness, touches};
 
-fn run() -> IndentationRun {
+pub(crate) fn run() -> IndentationRun {
     indentation_run(&SensorDescription::digitacts_6x6(), 3)
 }
 
-fn indentations(run: &IndentationRun) -> Value {
+pub(crate) fn indentations(run: &IndentationRun) -> Value {
     let response = run.response.iter().map(|press| {
         json!({"row": press.taxel / 6, "col": press.taxel % 6, "depth": press.depth,
             "pressures": press.pressures})

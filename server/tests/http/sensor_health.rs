@@ -7,6 +7,7 @@ use palpate_core::sensor::SensorDescription;
 use reqwest::Method;
 use serde_json::{Value, json};
 
+use crate::calibration::{indentations, run};
 use crate::harness::{BAR, Harness, pose_of, quiet_reading, touches};
 
 /// Adds sensors like the one that the server was trained with.
@@ -112,6 +113,15 @@ async fn a_taxel_with_an_offset_asks_for_commissioning() {
     let again = health(&it, "left").await;
     assert_eq!(again, left);
     assert_eq!(health(&it, "right").await, right);
+
+    // A calibration starts anew.
+    let run = indentations(&run());
+    it.post("/v1/sensors/left/calibration", &run).await.expect(201);
+    let anew = health(&it, "left").await;
+    assert_eq!((&anew["state"], &anew["calibration"]), (&json!("unknown"), &json!(1)), "{anew}");
+    assert_eq!((&anew["n_sessions"], &anew["first_day"]), (&json!(0), &Value::Null));
+    let answer = ended(&it, &quiet("left", 2, 0, 0.0), &json!({})).await;
+    assert_eq!(answer["warnings"], json!([]));
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -9,6 +9,7 @@ use super::{Finding, Report, Severity};
 use crate::catalogue::Manifest;
 use crate::journal::{Event, StoredHead};
 use crate::key::{self, Space};
+use crate::sensor_day::SensorDay;
 
 /// The facts kept of the visited records.
 #[derive(Default)]
@@ -67,6 +68,9 @@ impl Relations {
             b't' | b'r' => self.entry(key),
             b'x' => {
                 self.retractions.insert((id_of(key), number_of(key)));
+            }
+            b's' => {
+                self.sensors.insert(id_of(key));
             }
             b'o' => {
                 self.objects.insert(id_of(key));
@@ -147,10 +151,7 @@ impl Relations {
                 }
                 calibration.sensor != id || u64::from(calibration.number) != number_of(key)
             }
-            Whole::SensorDay(found) => {
-                self.days.entry(id).or_default().push(key.to_vec());
-                found.sensor != id || u64::from(found.day.day) != number_of(key)
-            }
+            Whole::SensorDay(found) => self.day(key, id, &found),
             Whole::Holding => {
                 if !self.is_there(key) {
                     self.leftover(key, "what it counts was removed".to_owned(), report);
@@ -162,6 +163,12 @@ impl Relations {
         if is_misplaced {
             report.add(damage(key, "it lies where another one belongs".to_owned()));
         }
+    }
+
+    /// Notes a day of a sensor; whether it is misplaced.
+    fn day(&mut self, key: &[u8], sensor: Uuid, found: &SensorDay) -> bool {
+        self.days.entry(sensor).or_default().push(key.to_vec());
+        found.sensor != sensor || u64::from(found.day.day) != number_of(key)
     }
 
     /// Notes the head of a journal.

@@ -46,8 +46,9 @@ impl Sessions {
         }
         loop {
             let next = tokio::select! {
-                session = health.next() => session,
+                biased;
                 _ = stopping.wait_for(|stopping| *stopping) => return,
+                session = health.next() => session,
             };
             if let Err(error) = self.count_health(next).await {
                 tracing::error!(session.id = %next,
