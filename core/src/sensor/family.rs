@@ -5,7 +5,7 @@
 //! (`palpate_sim::sampler::family`).
 
 use super::coupling::{Coupling, MARGIN_MAX};
-use super::description::{SensorDescription, SensorParameters};
+use super::description::{SensorDescription, SensorError, SensorParameters};
 use super::force_curve::ForceCurve;
 use super::ranges::{SensorRanges, StatedRanges};
 use crate::rng::Stream;
@@ -116,9 +116,23 @@ impl SensorFamily {
 /// metres). The ratio of both pressures is 1 + `stiffening` times as large there as at first touch.
 ///
 /// # Panics
-/// Never: it rises where `curve` does.
+/// When `stiffening` is negative and the curve would fall: [`try_bent`] says so instead.
 #[must_use]
 pub fn bent(curve: &ForceCurve, thickness: f64, stiffness: f64, stiffening: f64) -> ForceCurve {
+    try_bent(curve, thickness, stiffness, stiffening)
+        .expect("a rising curve times a rising share rises")
+}
+
+/// Like [`bent`], for a covering that may soften.
+///
+/// # Errors
+/// [`SensorError::ForceCurve`] when the curve would fall.
+pub fn try_bent(
+    curve: &ForceCurve,
+    thickness: f64,
+    stiffness: f64,
+    stiffening: f64,
+) -> Result<ForceCurve, SensorError> {
     let knots = curve.knots();
     let cuts = (CURVE_SEGMENTS / (knots.len() - 1)).max(1);
     let pressure = |d: f64| {
@@ -132,7 +146,6 @@ pub fn bent(curve: &ForceCurve, thickness: f64, stiffness: f64, stiffening: f64)
     let displacements: Vec<f64> = knots.windows(2).flat_map(between).collect();
     let bent = displacements.into_iter().map(|d| (d, pressure(d)));
     ForceCurve::new(std::iter::once((0.0, 0.0)).chain(bent).collect())
-        .expect("a rising curve times a rising share rises")
 }
 
 #[cfg(test)]

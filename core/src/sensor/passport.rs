@@ -8,7 +8,7 @@ use thiserror::Error;
 
 use super::coupling::{Coupling, CoveringEdge};
 use super::description::{ImageOrder, SensorDescription, SensorError, SensorParameters, TaxelGrid};
-use super::family::bent;
+use super::family::try_bent;
 use super::ranges::StatedRanges;
 use crate::convention::PoseConvention;
 use crate::pose::Pose;
@@ -23,8 +23,9 @@ const HALF_WIDTH_MAX: f64 = 0.7;
 /// Half-width of the range of the covering's extent, pitches: half the steps that are tried.
 const MARGIN_HALF_WIDTH: f64 = 0.5;
 
-/// Smallest stiffening of a force curve: below −1 it would fall.
-const STIFFENING_MIN: f64 = -0.9;
+/// Smallest stiffening of a force curve. Derived: at −0.5 a straight curve stops rising at full
+/// indentation.
+const STIFFENING_MIN: f64 = -0.45;
 
 /// Stiffening that a range may reach. Chosen: as for a data sheet.
 const STIFFENING_MAX: f64 = 1.5;
@@ -154,12 +155,12 @@ impl Passport {
         };
         SensorDescription::new(SensorParameters {
             point_spread: self.point_spread.value,
-            force_curve: bent(
+            force_curve: try_bent(
                 &known.force_curve,
                 known.covering_thickness,
                 self.gain.value,
                 stiffening,
-            ),
+            )?,
             coupling,
             image_order: self.image_order,
             ..known
@@ -234,6 +235,27 @@ mod tests {
         let pose = passport().pose(Pose::new([10.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]).unwrap());
         assert!(pose.translation.distance(DVec3::new(10.0, 0.0, 4.0) * MM) < 1e-15);
         assert!(pose.angle_to(&Pose::IDENTITY) < 1e-12);
+    }
+
+    #[test]
+    fn a_covering_that_softens_is_described_or_refused() {
+        let stated = SensorDescription::digitacts_6x6();
+        let softens = |value| Passport {
+            stiffening: Estimate { value, deviation: 0.1 },
+            edge: CoveringEdge::Continues,
+            ..passport()
+        };
+        let described = softens(-0.9).description(&stated).unwrap();
+        let (curve, thickness) =
+            (&described.parameters().force_curve, described.parameters().covering_thickness);
+        assert!(curve.pressure(thickness) > curve.pressure(0.9 * thickness));
+        // A curve that goes on to twice the indentation falls there: 2 · (1 − 0.9) < 1 · (1 − 0.45).
+        let end = 20e3;
+        let knots = vec![(0.0, 0.0), (thickness, end), (2.0 * thickness, 2.0 * end)];
+        let force_curve = crate::sensor::ForceCurve::new(knots).unwrap();
+        let long = SensorParameters { force_curve, ..stated.parameters().clone() };
+        let long = SensorDescription::new(long).unwrap();
+        assert!(matches!(softens(-0.9).description(&long), Err(SensorError::ForceCurve { .. })));
     }
 
     #[test]
