@@ -23,8 +23,9 @@ const HALF_WIDTH_MAX: f64 = 0.7;
 /// Half-width of the range of the covering's extent, pitches: half the steps that are tried.
 const MARGIN_HALF_WIDTH: f64 = 0.5;
 
-/// Smallest stiffening of a force curve: below −1 it would fall.
-const STIFFENING_MIN: f64 = -0.9;
+/// Smallest stiffening of a force curve. Derived: at −0.5 a straight curve stops rising at full
+/// indentation.
+const STIFFENING_MIN: f64 = -0.45;
 
 /// Stiffening that a range may reach. Chosen: as for a data sheet.
 const STIFFENING_MAX: f64 = 1.5;
@@ -234,6 +235,20 @@ mod tests {
         let pose = passport().pose(Pose::new([10.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]).unwrap());
         assert!(pose.translation.distance(DVec3::new(10.0, 0.0, 4.0) * MM) < 1e-15);
         assert!(pose.angle_to(&Pose::IDENTITY) < 1e-12);
+    }
+
+    #[test]
+    fn a_covering_that_softens_is_described() {
+        let stated = SensorDescription::digitacts_6x6();
+        let softens = |value| Passport {
+            stiffening: Estimate { value, deviation: 0.1 },
+            edge: CoveringEdge::Continues,
+            ..passport()
+        };
+        let described = softens(-0.9).description(&stated).unwrap();
+        let (curve, thickness) =
+            (&described.parameters().force_curve, described.parameters().covering_thickness);
+        assert!(curve.pressure(thickness) > curve.pressure(0.9 * thickness));
     }
 
     #[test]
