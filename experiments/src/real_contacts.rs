@@ -181,7 +181,7 @@ fn points(path: &Path) -> anyhow::Result<Vec<DVec3>> {
     let (counts, coordinates) = numbers.split_at_checked(3).context("no counts after OFF")?;
     let points: Vec<DVec3> =
         coordinates.chunks_exact(3).map(|p| DVec3::new(p[0], p[1], p[2])).collect();
-    ensure!(points.len() as f64 == counts[0], "{} ends early", path.display());
+    ensure!(points.len() == counts[0] as usize, "{} ends early", path.display());
     Ok(points)
 }
 

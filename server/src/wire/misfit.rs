@@ -32,6 +32,9 @@ pub(crate) fn misfit(of: &Misfit) -> ReadingMisfit {
     }
 }
 
+/// What may object: its kind, the value that grows with the misfit, and the least that counts.
+type Test<'a> = (ObjectionCode, &'a dyn Fn(&ReadingMisfit) -> Option<f64>, f64);
+
 /// Median of values that are not empty.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
@@ -50,7 +53,7 @@ pub(crate) fn against(name: &str, misfits: &[(u32, ReadingMisfit)]) -> Vec<Objec
     let turn = |m: &ReadingMisfit| m.turn_rad;
     let unlike = |m: &ReadingMisfit| m.appearance_bits.map(|bits| -bits);
     let space = |m: &ReadingMisfit| Some(-m.free_space_bits);
-    let tests: [(ObjectionCode, &dyn Fn(&ReadingMisfit) -> Option<f64>, f64); 6] = [
+    let tests: [Test<'_>; 6] = [
         (AboveSurface, &height, HEIGHT_OFF),
         (BelowSurface, &depth, HEIGHT_OFF),
         (AwayFromSurface, &missing, 0.5),
@@ -59,17 +62,16 @@ pub(crate) fn against(name: &str, misfits: &[(u32, ReadingMisfit)]) -> Vec<Objec
         (FreeSpace, &space, -UNLIKE_BITS),
     ];
     let n = misfits.len();
-    let objection =
-        |(code, value, least): (ObjectionCode, &dyn Fn(&ReadingMisfit) -> Option<f64>, f64)| {
-            let found = misfits.iter().filter_map(|(number, m)| Some((*number, value(m)?)));
-            let (readings, values): (Vec<u32>, Vec<f64>) =
-                found.filter(|(_, value)| *value >= least).unzip();
-            let is_common = readings.len() >= 2 && readings.len() as f64 >= SHARE_MIN * n as f64;
-            is_common.then(|| {
-                let detail = words(code, name, readings.len(), n, median(values));
-                Objection { code, readings, detail }
-            })
-        };
+    let objection = |(code, value, least): Test<'_>| {
+        let found = misfits.iter().filter_map(|(number, m)| Some((*number, value(m)?)));
+        let (readings, values): (Vec<u32>, Vec<f64>) =
+            found.filter(|(_, value)| *value >= least).unzip();
+        let is_common = readings.len() >= 2 && readings.len() as f64 >= SHARE_MIN * n as f64;
+        is_common.then(|| {
+            let detail = words(code, name, readings.len(), n, median(values));
+            Objection { code, readings, detail }
+        })
+    };
     let mut against: Vec<Objection> = tests.into_iter().filter_map(objection).collect();
     against.sort_by_key(|objection| std::cmp::Reverse(objection.readings.len()));
     against
