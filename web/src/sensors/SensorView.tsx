@@ -1,4 +1,4 @@
-// One sensor: geometry, force curve and calibration.
+// One sensor: geometry, force curve, calibration, health and commissioning.
 import { useMemo } from "preact/hooks";
 import { getJson } from "../api/http";
 import { useResource } from "../api/resource";
@@ -7,6 +7,8 @@ import { dark, kPa, mm, seriesColor, when } from "../format";
 import { Chart, type Series } from "../parts/Chart";
 import { Show } from "../parts/Notes";
 import { Badge, Facts, Panel, ViewHead } from "../parts/Panel";
+import { CommissionPanel } from "./CommissionPanel";
+import { HealthPanel } from "./HealthPanel";
 import { newestCalibration } from "./SensorsView";
 
 export function SensorView({ id }: { id: string }) {
@@ -34,6 +36,8 @@ export function SensorView({ id }: { id: string }) {
                 }
               </Show>
             </Panel>
+            <HealthPanel sensor={found} />
+            <CommissionPanel sensor={found} onApplied={sensor.reload} />
           </div>
         )}
       </Show>
@@ -83,9 +87,14 @@ function margin(description: Sensor["description"]): string {
 
 /** What the owner says about the description, and what trainings from meshes make of it. */
 function knowledge(sensor: Sensor): string {
-  return sensor.sensor_knowledge === "measured"
-    ? "measured: meshes are pressed exactly as described"
-    : "data sheet: meshes are pressed with all sensors that it may stand for";
+  switch (sensor.sensor_knowledge) {
+    case "measured":
+      return "measured: meshes are pressed exactly as described";
+    case "unknown":
+      return "unknown: meshes are pressed with quite different sensors of this grid";
+    default:
+      return "data sheet: meshes are pressed with all sensors that it may stand for";
+  }
 }
 
 function order(order: Sensor["description"]["image_order"]): string {
