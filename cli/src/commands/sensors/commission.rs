@@ -128,7 +128,8 @@ pub(super) async fn run(args: CommissionArgs, context: &Context) -> anyhow::Resu
         readings.len()
     );
     let found = ask(client, &args, &touched, &readings, args.apply).await?;
-    output.answer(&found, |found| text::report(found, &args.sensor))
+    let sensor = client.sensor(&args.sensor).await?;
+    output.answer(&found, |found| text::report(found, &sensor))
 }
 
 async fn ask(

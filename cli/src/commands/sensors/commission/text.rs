@@ -1,7 +1,7 @@
 //! Commissioning in words and characters: what to touch next, findings, images, the verdict.
 
 use palpate_client::schemas::{
-    CommissionedTouch, Commissioning, Finding, FindingName, FindingVerdict,
+    CommissionedTouch, Commissioning, Finding, FindingName, FindingVerdict, Sensor,
 };
 
 use crate::output;
@@ -38,9 +38,9 @@ pub(super) fn next_touch(n: usize, open: &[FindingName]) -> &'static str {
 }
 
 /// The answer for a person.
-pub(super) fn report(found: &Commissioning, sensor: &str) -> String {
+pub(super) fn report(found: &Commissioning, sensor: &Sensor) -> String {
     let mut parts = vec![table(&found.findings)];
-    if let Some(picture) = picture(&found.touches) {
+    if let Some(picture) = picture(&found.touches, sensor.description.grid.cols as usize) {
         parts.push(picture);
     }
     parts.push(format!(
@@ -56,7 +56,10 @@ pub(super) fn report(found: &Commissioning, sensor: &str) -> String {
     parts.push(found.summary.clone());
     parts.push(match (found.calibration, found.verdict) {
         (Some(number), _) => {
-            format!("applied as calibration {number}: later readings of {sensor} are corrected")
+            format!(
+                "applied as calibration {number}: later readings of {} are corrected",
+                sensor.name
+            )
         }
         (None, FindingVerdict::Wrong) => {
             "nothing was stored: correct the driver, or repeat with --apply to let the server do it"
@@ -85,13 +88,10 @@ fn table(findings: &[Finding]) -> String {
     output::table(["finding", "verdict", "found", "certainty"], findings.iter().map(row))
 }
 
-/// The image of the firmest touch, observed beside predicted.
-fn picture(touches: &[CommissionedTouch]) -> Option<String> {
+/// The image of the firmest touch, observed beside predicted; +y of the sensor points up.
+fn picture(touches: &[CommissionedTouch], cols: usize) -> Option<String> {
     let peak = |image: &[f64]| image.iter().copied().fold(0.0, f64::max);
     let firmest = touches.iter().max_by(|a, b| peak(&a.observed).total_cmp(&peak(&b.observed)))?;
-    let n = firmest.observed.len();
-    // Arrays that are not square are shown in rows of about as many columns.
-    let cols = (1..=n).find(|cols| cols * cols >= n && n.is_multiple_of(*cols)).unwrap_or(n);
     let most = peak(&firmest.observed).max(peak(&firmest.predicted)).max(f64::MIN_POSITIVE);
     let shade = |pressure: &f64| {
         let level = (pressure / most * (SHADES.len() - 1) as f64).round().max(0.0) as usize;
@@ -99,12 +99,11 @@ fn picture(touches: &[CommissionedTouch]) -> Option<String> {
         [shade, shade].iter().collect::<String>()
     };
     let line = |row: &[f64]| row.iter().map(shade).collect::<String>();
-    let rows = firmest.observed.chunks(cols).zip(firmest.predicted.chunks(cols));
-    let width = 2 * cols;
+    let rows = firmest.observed.chunks(cols).zip(firmest.predicted.chunks(cols)).rev();
+    let width = (2 * cols).max("observed".len());
     let mut lines = vec![format!("touch {}:", firmest.reading + 1)];
-    lines.push(format!("  {:<width$}    {}", "observed", "predicted", width = width.max(8)));
+    lines.push(format!("  {:<width$}    predicted", "observed"));
     for (observed, predicted) in rows {
-        let width = width.max(8);
         lines.push(format!("  {:<width$}    {}", line(observed), line(predicted)));
     }
     Some(lines.join("\n"))
@@ -121,11 +120,10 @@ mod tests {
             observed: vec![0.0, 4.0, 8.0, 2.0],
             predicted: vec![0.0, 4.0, 4.0, 2.0],
         };
-        let picture = picture(&[touch]).unwrap();
-        let expected =
-            "touch 5:\n  observed    predicted\n      ==          ==\n  @@::        ==::";
+        let picture = picture(&[touch], 2).unwrap();
+        let expected = "touch 5:\n  observed    predicted\n  @@::        ==::\n    ==          ==";
         assert_eq!(picture, expected);
-        assert_eq!(super::picture(&[]), None);
+        assert_eq!(super::picture(&[], 2), None);
     }
 
     #[test]
