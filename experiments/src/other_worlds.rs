@@ -7,15 +7,16 @@
 //! centre, by the sensor that commissioning found there.
 
 mod commissioned;
+mod method;
 mod worlds;
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use anyhow::Context as _;
-use clap::{Args, ValueEnum};
+use clap::Args;
 use palpate_core::reading::{Reading, SensorId};
-use palpate_core::sensor::{SensorDescription, SensorFamily, SensorKnowledge};
+use palpate_core::sensor::{SensorDescription, SensorFamily};
 use palpate_core::symmetry::Symmetry;
 use palpate_core::units::MM;
 use palpate_recogniser::belief::calibrate::{self, HeldBack, calibrate};
@@ -38,6 +39,7 @@ use crate::report::{Outcome, Progress, Report};
 use crate::stated::auroc;
 use crate::statistics::median;
 use commissioned::Commissioned;
+pub use method::Method;
 use worlds::World;
 
 /// Numbers of readings whose figures the summary states.
@@ -82,43 +84,6 @@ pub struct OtherWorlds {
         default_value = "as_described,data_sheet,commissioned"
     )]
     pub methods: Vec<Method>,
-}
-
-/// Knowledge of the sensor in training.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
-#[serde(rename_all = "snake_case")]
-#[value(rename_all = "snake_case")]
-pub enum Method {
-    /// The sensor is as described.
-    AsDescribed,
-    /// The description is a data sheet.
-    DataSheet,
-    /// Only the grid is known.
-    Unknown,
-    /// The sensor was commissioned in each world.
-    Commissioned,
-}
-
-impl Method {
-    /// Its name in rows and keys.
-    fn name(self) -> &'static str {
-        match self {
-            Self::AsDescribed => "as_described",
-            Self::DataSheet => "data_sheet",
-            Self::Unknown => "unknown",
-            Self::Commissioned => "commissioned",
-        }
-    }
-
-    /// Trust in the description; `None` when it is measured in each world.
-    fn knowledge(self) -> Option<SensorKnowledge> {
-        match self {
-            Self::AsDescribed => Some(SensorKnowledge::Measured),
-            Self::DataSheet => Some(SensorKnowledge::DataSheet),
-            Self::Unknown => Some(SensorKnowledge::Unknown),
-            Self::Commissioned => None,
-        }
-    }
 }
 
 /// A catalogue for all worlds; `None` when each world has its own.

@@ -3,6 +3,8 @@
 //! Sessions know nothing of methods; a method knows nothing of sessions. [`check`] refuses
 //! readings that a method cannot fold before they are stored.
 
+mod comparison;
+
 use std::sync::Arc;
 
 use palpate_core::belief::MismatchError;
@@ -22,7 +24,7 @@ use palpate_dissertation::geometric::{
     GeometricOptions, Marginals, PrintedFilter,
 };
 use palpate_dissertation::sva::{SvaBelief, SvaOptions};
-use palpate_recogniser::belief::{Misfit, SurfaceBelief};
+use palpate_recogniser::belief::SurfaceBelief;
 use palpate_recogniser::next_touch::{Ranking, rank};
 use palpate_schemas::{FieldError, Method};
 use palpate_store::entity::{Session, StoredReading};
@@ -231,31 +233,6 @@ impl SessionBelief {
     pub(crate) fn resume(&mut self, conclusions: &[u8]) -> bool {
         let Self::Surface(belief) = self else { return false };
         belief.resume(conclusions).is_ok()
-    }
-
-    /// log₂ ratio of a reading's density in the belief to that of a touch anywhere; `None`
-    /// when the method has none.
-    pub(crate) fn fit_bits(&self, felt: &Felt, sensor: &SensorDescription) -> Option<f64> {
-        let Self::Surface(belief) = self else { return None };
-        let log = match felt {
-            Felt::Press(reading) => belief.log_predictive(reading, sensor)?,
-            Felt::Contact(contact) => belief.log_predictive_of_contact(contact)?,
-        };
-        Some(log / std::f64::consts::LN_2)
-    }
-
-    /// How a reading lies on an object; `None` when the method or the object has no pose.
-    pub(crate) fn misfit(
-        &self,
-        object: ObjectIdx,
-        felt: &Felt,
-        sensor: &SensorDescription,
-    ) -> Option<Misfit> {
-        let Self::Surface(belief) = self else { return None };
-        match felt {
-            Felt::Press(reading) => belief.misfit(object, reading, sensor),
-            Felt::Contact(contact) => belief.misfit_of_contact(object, contact),
-        }
     }
 
     /// The belief as an answer with at most `n_modes` poses.

@@ -249,6 +249,8 @@ async fn touches_that_cannot_be_used_are_refused_at_their_fields() {
     // Noise instead of touches of a hammer is understood by no set-up, and no passport follows.
     let noise = |it: &mut Value| {
         it["apply"] = json!(true);
+        // As few as possible: every place of the object is tried in vain.
+        it["readings"].as_array_mut().unwrap().truncate(8);
         for (touch, reading) in it["readings"].as_array_mut().unwrap().iter_mut().enumerate() {
             let image: Vec<f64> = (0..36)
                 .map(|taxel| f64::from((taxel * 7919 + touch as u32 * 104_729) % 9000))
