@@ -154,7 +154,7 @@ fn bodies(path: &str) -> Vec<Value> {
         ],
         "/v1/sensors/{sensor}/calibration" => vec![calibration()],
         "/v1/sensors/{sensor}/commissionings" => vec![commissioning()],
-        "/v1/sensors/{sensor}/check" => vec![full(reading()), featured()],
+        "/v1/sensors/{sensor}/check" => vec![full(reading()), featured(), contact()],
         "/v1/sessions" => sessions(),
         "/v1/sessions/{session}/lease" => vec![json!({"seconds": 60})],
         "/v1/sessions/{session}/next-touches" => vec![
