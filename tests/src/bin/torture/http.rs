@@ -12,7 +12,7 @@ const PATIENCE: Duration = Duration::from_secs(90);
 
 /// Time that an unused connection stays in a client's pool: much less than the time after which
 /// `hostile` expects the server to hold nothing, since a server leaves idle connections open.
-const POOLED: Duration = Duration::from_secs(15);
+pub(crate) const POOLED: Duration = Duration::from_secs(15);
 
 /// Result of a request.
 #[derive(Debug)]

@@ -11,6 +11,8 @@ use serde_json::Value;
 use tokio::io::AsyncWriteExt;
 use tokio::net::{TcpSocket, TcpStream};
 
+use crate::http::POOLED;
+
 /// Time that an attacker waits for an answer before it hangs up.
 const PATIENCE: Duration = Duration::from_secs(3);
 /// Pause between requests; the machine that attacks also measures.
@@ -56,6 +58,7 @@ impl Foe {
                 headers.insert(AUTHORIZATION, HeaderValue::from_str(&format!("Bearer {key}"))?);
             }
             let builder = Client::builder().local_address(address(number)).timeout(PATIENCE);
+            let builder = builder.pool_idle_timeout(POOLED);
             Ok(builder.default_headers(headers).build()?)
         };
         Ok(Self {
