@@ -122,7 +122,7 @@ impl SensorFamily {
 /// A force curve with `stiffness` times the pressure of `curve` at full indentation (`thickness`,
 /// metres). The ratio of both pressures is 1 + `stiffening` times as large there as at first touch.
 /// Below a stiffening of −0.5 a line would fall towards full indentation; there the pressure rises
-/// by [`RISE_MIN`] of what `curve` rises instead.
+/// by a thousandth of what `curve` rises instead.
 ///
 /// # Panics
 /// For a stiffness that is not positive or a stiffening of −1 or less.
