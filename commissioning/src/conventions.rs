@@ -18,7 +18,7 @@ const STATED: f64 = 0.9;
 const PER_TOUCH: f64 = 3.0;
 
 /// Extent of the touches as a share of the object's diagonal that a convention may have. Chosen:
-/// another unit changes it by 25 at least, and nobody touches a spot of one square centimetre.
+/// another unit changes the extent at least 25-fold, and touches of one spot determine nothing.
 const EXTENT: (f64, f64) = (0.08, 1.3);
 
 /// A convention with its places of the object.

@@ -49,18 +49,18 @@ impl Kind {
         Self::ToolCenter,
     ];
 
-    /// Name of the figure that states how often it is found.
+    /// Its name on the command line.
     #[must_use]
-    pub fn figure(self) -> &'static str {
+    pub fn name(self) -> &'static str {
         match self {
-            Self::PressureUnit => "found_pressure_unit",
-            Self::PositionUnit => "found_position_unit",
-            Self::Mirror => "found_mirror",
-            Self::Transposition => "found_transposition",
-            Self::Rotation => "found_rotation",
-            Self::QuaternionOrder => "found_quaternion_order",
-            Self::InvertedPose => "found_inverted_pose",
-            Self::ToolCenter => "found_tool_center",
+            Self::PressureUnit => "pressure-unit",
+            Self::PositionUnit => "position-unit",
+            Self::Mirror => "mirror",
+            Self::Transposition => "transposition",
+            Self::Rotation => "rotation",
+            Self::QuaternionOrder => "quaternion-order",
+            Self::InvertedPose => "inverted-pose",
+            Self::ToolCenter => "tool-center",
         }
     }
 

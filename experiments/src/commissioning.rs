@@ -203,7 +203,8 @@ fn summarise(report: &mut Report, draws: &[Draw]) {
         results.iter().sum::<f64>() / results.len() as f64
     };
     for kind in Kind::ALL {
-        report.summarise(kind.figure(), share(&[kind]));
+        let name = kind.name().replace('-', "_");
+        report.summarise(&format!("found_{name}"), share(&[kind]));
     }
     report.summarise("found_unit", share(&[Kind::PressureUnit, Kind::PositionUnit]));
     let errors: Vec<(f64, f64)> = draws.iter().map(Draw::tool_errors).collect();

@@ -317,7 +317,8 @@ mod tests {
     fn what_the_covering_blurs_is_a_contact() {
         check_quiet("...... ..2... .292.. ..2... ...... ......", true);
         check_quiet("...... ...... ..55.. ..55.. ...... ......", false);
-        // The blur is exp(−½ (2 mm / point spread)²), of which half suffices.
+        // A contact blurs to exp(−½ (2 mm / point spread)²) of itself one pitch away; a neighbour
+        // with half of that makes the taxel a contact.
         check_quiet("...... ..7... .797.. ..7... ...... ......", false);
         check_quiet("96.... 6..... ...... ...... ...... ......", false);
         check_quiet("5..... 5..... 5..... 5..... 5..... 5.....", true);

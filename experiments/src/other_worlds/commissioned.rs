@@ -3,7 +3,9 @@
 //! found, and readings are corrected by it.
 
 use anyhow::Context as _;
+use glam::DQuat;
 use palpate_commissioning::commission::{Setup, commission};
+use palpate_commissioning::mistakes::Mistake;
 use palpate_commissioning::passport::passport;
 use palpate_commissioning::touch::SentTouch;
 use palpate_core::convention::PoseConvention;
@@ -27,8 +29,8 @@ const TOUCHES: usize = 20;
 
 /// A sensor on a robot, commissioned.
 pub(super) struct Commissioned {
-    /// What the robot takes for its sensor's pose, seen from the true one.
-    true_from_sent: Pose,
+    /// The error of the robot's tool centre.
+    mistake: Mistake,
     /// The sensor as it was measured, by which readings are interpreted.
     pub(super) measured: SensorDescription,
     ranges: StatedRanges,
@@ -47,23 +49,25 @@ impl Commissioned {
         let mesh = reference_body(BODY).with_context(|| format!("there is no body {BODY}"))?;
         let body = TestObject { name: BODY.to_owned(), mesh };
         let mut stream = Stream::new(seed, Purpose::Commissioning, 0);
-        let off = offset * stream.direction();
-        let true_from_sent = Pose::from_parts(glam::DQuat::IDENTITY, off);
+        let tool = Pose::from_parts(DQuat::IDENTITY, -offset * stream.direction());
+        let mistake = Mistake { tool, ..Mistake::none() };
         let session_from_body =
             Pose::from_parts(stream.rotation(), stream.direction() * stream.uniform(0.2, 0.7));
         let touched = sensing.touch_all(std::slice::from_ref(&body), TOUCHES, seed)?.remove(0);
-        let touches: Vec<SentTouch> = touched
-            .iter()
-            .map(|reading| sent(reading, session_from_body, true_from_sent, described))
-            .collect();
+        let sent = |reading| mistake.sent(reading, session_from_body, described);
+        let touches: Vec<SentTouch> = touched.iter().map(sent).collect();
         let object = PressSimulator::new(body.mesh, described.clone());
-        let (stop, session_from_object) = (Stop::never(), None);
-        let setup =
-            Setup { object: &object, session_from_object, touches: &touches, seed, stop: &stop };
+        let setup = Setup {
+            object: &object,
+            session_from_object: None,
+            touches: &touches,
+            seed,
+            stop: &Stop::never(),
+        };
         let found = passport(&commission(&setup)?, described);
         let (measured, ranges) = (found.description(described)?, found.ranges(described));
         let correction = Correction { passport: Some(found), ..Correction::default() };
-        Ok(Self { true_from_sent, measured, ranges, correction })
+        Ok(Self { mistake, measured, ranges, correction })
     }
 
     /// The sensors to train with.
@@ -76,34 +80,14 @@ impl Commissioned {
     /// corrected by the passport.
     pub(super) fn corrected(&self, readings: &[Vec<Reading>]) -> anyhow::Result<Vec<Vec<Reading>>> {
         let one = |reading: &Reading| {
-            let image = driven(reading, &self.measured);
-            let sent = reading.session_from_sensor() * self.true_from_sent;
-            Reading::corrected(SensorId(0), &self.measured, &self.correction, &image, sent)
+            let sent = self.mistake.sent(reading, Pose::IDENTITY, &self.measured);
+            let pose = PoseConvention::STATED.read(sent.position, sent.quaternion);
+            let (sensor, image) = (&self.measured, &sent.pressures);
+            Reading::corrected(SensorId(0), sensor, &self.correction, image, pose)
                 .context("a corrected image fits its sensor")
         };
         readings.iter().map(|of_object| of_object.iter().map(one).collect()).collect()
     }
-}
-
-/// The image of a reading as the driver sends it.
-fn driven(reading: &Reading, sensor: &SensorDescription) -> Vec<Option<f64>> {
-    let (rows, cols) = (sensor.grid().rows, sensor.grid().cols);
-    let both = reading.image().pressures.iter().zip(reading.missing());
-    let image: Vec<Option<f64>> =
-        both.map(|(pressure, is_missing)| (!is_missing).then_some(*pressure)).collect();
-    sensor.parameters().image_order.of_driver(&image, rows, cols)
-}
-
-/// A touch as the robot sends it.
-fn sent(
-    reading: &Reading,
-    session_from_object: Pose,
-    true_from_sent: Pose,
-    described: &SensorDescription,
-) -> SentTouch {
-    let pose = session_from_object * reading.session_from_sensor() * true_from_sent;
-    let (position, quaternion) = PoseConvention::STATED.write(pose);
-    SentTouch { pressures: driven(reading, described), position, quaternion }
 }
 
 #[cfg(test)]
@@ -127,7 +111,7 @@ mod tests {
         for (felt, corrected) in felt[0].iter().zip(&corrected[0]) {
             let (is, was) = (corrected.session_from_sensor(), felt.session_from_sensor());
             assert!(is.distance_to(&was) < 0.7 * MM, "{} mm", is.distance_to(&was) / MM);
-            let sent = was * sensor.true_from_sent;
+            let sent = was * sensor.mistake.tool.inverse();
             assert!(sent.distance_to(&was) > 2.9 * MM);
         }
         let mut stream = Stream::new(1, Purpose::SensorFamily, 0);

@@ -20,7 +20,7 @@ const REASONS_MAX: usize = 32;
 pub(crate) const DAY_MS: u64 = 86_400_000;
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// A sensor's health by its days, oldest first, of which those under its newest calibration count.
+/// Judges a sensor by its days, oldest first. Only days under its newest calibration count.
 pub(crate) fn health(
     sensor: &Sensor,
     calibration: Option<u32>,

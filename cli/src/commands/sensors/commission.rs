@@ -12,10 +12,10 @@ use palpate_client::Client;
 use palpate_client::schemas::{
     CommissionSensor, Commissioning, CommissioningReading, FindingName, Pose, ReferenceBodyName,
 };
+use palpate_commissioning::mistakes::Kind;
 use serde::Deserialize;
 
 use super::super::Context;
-use simulated::MistakeKind;
 
 /// Touches from which the server can say something, and touches between two questions to it.
 const FIRST_ASKED: usize = 8;
@@ -50,8 +50,8 @@ pub(super) struct CommissionArgs {
     #[arg(long, conflicts_with = "readings")]
     simulate: bool,
     /// Mistakes of the simulated driver.
-    #[arg(long, value_enum, value_delimiter = ',', requires = "simulate")]
-    mistake: Vec<MistakeKind>,
+    #[arg(long, value_parser = simulated::mistake_kind(), value_delimiter = ',', requires = "simulate")]
+    mistake: Vec<Kind>,
     /// Seed of the search, and of the simulation.
     #[arg(long, default_value_t = 1)]
     seed: u64,

@@ -95,7 +95,7 @@ impl Sessions {
         Ok(())
     }
 
-    /// Waits for a slot: nobody waits for this work.
+    /// Waits until the compute pool has a slot; no client waits for the result.
     async fn place(&self) -> Result<Place, ComputeError> {
         self.tools.pool.place_in_time().await.map_err(|_| ComputeError::Stopped)
     }

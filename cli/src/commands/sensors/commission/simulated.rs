@@ -4,6 +4,7 @@
 use std::ops::ControlFlow;
 
 use anyhow::Context as _;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use palpate_client::Client;
 use palpate_client::schemas::{CommissioningReading, MeshFormat, Pose as WirePose, Sensor};
 use palpate_commissioning::mistakes::{Kind, Mistake};
@@ -19,40 +20,11 @@ use palpate_sim::shapes;
 use super::Touched;
 use crate::commands::calibrate;
 
-/// A mistake of the simulated driver.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub(super) enum MistakeKind {
-    /// Pressures in another unit.
-    PressureUnit,
-    /// Positions in another unit.
-    PositionUnit,
-    /// Images with reversed rows or columns.
-    Mirror,
-    /// Transposed images.
-    Transposition,
-    /// Rotated images.
-    Rotation,
-    /// Quaternions with w first.
-    QuaternionOrder,
-    /// Inverted poses.
-    InvertedPose,
-    /// A tool centre off by a few millimetres and degrees.
-    ToolCenter,
-}
-
-impl MistakeKind {
-    fn kind(self) -> Kind {
-        match self {
-            Self::PressureUnit => Kind::PressureUnit,
-            Self::PositionUnit => Kind::PositionUnit,
-            Self::Mirror => Kind::Mirror,
-            Self::Transposition => Kind::Transposition,
-            Self::Rotation => Kind::Rotation,
-            Self::QuaternionOrder => Kind::QuaternionOrder,
-            Self::InvertedPose => Kind::InvertedPose,
-            Self::ToolCenter => Kind::ToolCenter,
-        }
-    }
+/// Parser of a mistake's name.
+pub(super) fn mistake_kind() -> impl TypedValueParser<Value = Kind> {
+    let named = |name: String| Kind::ALL.into_iter().find(|kind| kind.name() == name);
+    PossibleValuesParser::new(Kind::ALL.map(Kind::name))
+        .try_map(move |name| named(name).ok_or("is not a mistake"))
 }
 
 /// The mesh of the touched thing, metres.
@@ -80,7 +52,7 @@ pub(super) async fn mesh(client: &Client, touched: &Touched) -> anyhow::Result<M
 pub(super) fn touches(
     mesh: Mesh,
     sensor: &Sensor,
-    mistakes: &[MistakeKind],
+    mistakes: &[Kind],
     n: usize,
     seed: u64,
 ) -> anyhow::Result<Vec<CommissioningReading>> {
@@ -94,8 +66,7 @@ pub(super) fn touches(
     let readings = sample(&built, SensorId(0), n, stream.bits(), &config, &mut go_on)?;
     let session_from_object =
         Pose::from_parts(stream.rotation(), stream.direction() * stream.uniform(0.2, 0.7));
-    let kinds: Vec<Kind> = mistakes.iter().map(|mistake| mistake.kind()).collect();
-    let mistake = Mistake::of(&kinds, &mut stream);
+    let mistake = Mistake::of(mistakes, &mut stream);
     let one = |reading| {
         let sent = mistake.sent(reading, session_from_object, described.sensor());
         let pose = WirePose { position: sent.position, orientation: sent.quaternion };
