@@ -142,9 +142,8 @@ impl Robot {
             Approach::StraightDown => self.press_down(),
         };
         // The simulator's session frame is the mesh frame.
-        let mesh_from_sensor = reading.session_from_sensor();
-        let session_from_sensor = self.session_from_mesh * mesh_from_sensor;
-        let image = reading.image().pressures.iter().copied().map(Some).collect();
+        let session_from_sensor = self.session_from_mesh * reading.sent_pose();
+        let image = reading.values();
         let pose = self.knows_poses.then(|| to_wire(session_from_sensor));
         Ok(Press { pose, image, missed: None })
     }

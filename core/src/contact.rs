@@ -32,7 +32,7 @@ pub fn contact_points(image: &TactileImage, sensor: &SensorDescription) -> Vec<D
             let pressure = image.at(row, col);
             if pressure >= CONTACT_SHARE * max {
                 let (x, y) = grid.center(row, col);
-                points.push(DVec3::new(x, y, -curve.displacement(pressure)));
+                points.push(sensor.on_covering(x, y) - curve.displacement(pressure) * DVec3::Z);
             }
         }
     }
@@ -85,18 +85,10 @@ pub fn normal_constraint(points: &[DVec3]) -> f64 {
     if ratio < MIN_CONSTRAINT { 0.0 } else { ratio }
 }
 
-/// True when any taxel reads clearly more than noise: above [`contact_floor`].
+/// True when any taxel reads clearly more than noise ([`SensorDescription::contact_floor`]).
 #[must_use]
 pub fn touches(reading: &Reading, sensor: &SensorDescription) -> bool {
-    reading.image().max() > contact_floor(sensor)
-}
-
-/// The pressure (Pa) above which a taxel reads clearly more than noise: five deviations and two
-/// steps of the converter, and at least one part in two hundred of the sensing range.
-#[must_use]
-pub fn contact_floor(sensor: &SensorDescription) -> f64 {
-    let parameters = sensor.parameters();
-    (5.0 * parameters.noise).max(2.0 * parameters.quantisation).max(parameters.saturation / 200.0)
+    reading.image().max() > sensor.contact_floor()
 }
 
 #[cfg(test)]

@@ -5,10 +5,13 @@
 //! invalid taxel. The pose is `session_from_sensor` (in training, the session frame is the
 //! object's). The numbers of a [`Reading`] are finite.
 
+mod image;
 pub mod point_contact;
 
 use thiserror::Error;
 
+use self::image::fill_missing;
+pub use self::image::{ImageShape, TactileImage};
 use self::point_contact::PointContact;
 use crate::pose::Pose;
 use crate::sensor::{Correction, SensorDescription};
@@ -17,31 +20,6 @@ use crate::units::Shown;
 /// The sensor that took a reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct SensorId(pub u128);
-
-/// A tactile image: pressures in pascal, row-major, every taxel with a finite value.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TactileImage {
-    /// Number of rows.
-    pub rows: usize,
-    /// Number of columns.
-    pub cols: usize,
-    /// `rows` × `cols` pressures, Pa.
-    pub pressures: Vec<f64>,
-}
-
-impl TactileImage {
-    /// The pressure of one taxel, Pa.
-    #[must_use]
-    pub fn at(&self, row: usize, col: usize) -> f64 {
-        self.pressures[row * self.cols + col]
-    }
-
-    /// The largest pressure, Pa; 0 for an image that is nowhere positive.
-    #[must_use]
-    pub fn max(&self) -> f64 {
-        self.pressures.iter().copied().fold(0.0, f64::max)
-    }
-}
 
 /// Uncertainty of a stated pose: standard deviations.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -71,6 +49,14 @@ pub struct Reading {
     missing: Vec<bool>,
     approach: f64,
     base: Option<Base>,
+    drawn_from: Option<Box<Drawn>>,
+}
+
+/// What an image was drawn from: a press by a layout of taxels.
+#[derive(Clone, Debug, PartialEq)]
+struct Drawn {
+    values: Vec<Option<f64>>,
+    sensor_from_image: Pose,
 }
 
 /// What a sensor felt: a press with an image, or a contact without one. Methods that compare
@@ -107,16 +93,14 @@ impl Felt {
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum ReadingError {
     /// The image does not have the sensor's shape.
-    #[error("image has {found} taxels, expected {expected} ({rows} rows × {cols} columns)")]
+    #[error("image has {found} taxels, expected {expected} ({shape})")]
     TaxelCount {
         /// Taxels of the sensor.
         expected: usize,
         /// Taxels of the image.
         found: usize,
-        /// Rows of the sensor.
-        rows: usize,
-        /// Columns of the sensor.
-        cols: usize,
+        /// Order of the sensor's values.
+        shape: ImageShape,
     },
     /// A pressure is not a finite number of pascals within the range.
     #[error(
@@ -143,7 +127,9 @@ impl Reading {
     /// order. `pressures` are in the driver's order (the sensor's [`crate::sensor::ImageOrder`]),
     /// in pascal.
     ///
-    /// Missing taxels take the mean of their valid neighbours, nearest ring first.
+    /// Missing taxels take the mean of their valid neighbours, nearest ring first. Values of a
+    /// layout of taxels are drawn on its grid, and the pose becomes that of the drawing
+    /// ([`crate::sensor::unrolling`]).
     ///
     /// # Errors
     /// [`ReadingError`] for a wrong number of taxels, a pressure that is not finite, or more
@@ -189,14 +175,24 @@ impl Reading {
         session_from_sensor: Pose,
     ) -> Result<Self, ReadingError> {
         let (rows, cols) = (description.grid().rows, description.grid().cols);
-        let missing: Vec<bool> = ordered.iter().map(Option::is_none).collect();
-        let n_missing = missing.iter().filter(|missing| **missing).count();
+        let n_missing = ordered.iter().filter(|pressure| pressure.is_none()).count();
         if 2 * n_missing > ordered.len() {
             return Err(ReadingError::Missing { missing: n_missing, expected: ordered.len() });
         }
-        let pressures = fill_missing(ordered, rows, cols);
-        let image = TactileImage { rows, cols, pressures };
-        Ok(Self { sensor, session_from_sensor, image, missing, approach: 0.0, base: None })
+        let drawn =
+            description.listed().map(|layout| layout.unroll(ordered, description.contact_floor()));
+        let (shown, session_from_sensor) = match &drawn {
+            None => (ordered, session_from_sensor),
+            Some(drawn) => (&drawn.image[..], session_from_sensor * drawn.sensor_from_image),
+        };
+        let missing: Vec<bool> = shown.iter().map(Option::is_none).collect();
+        let image = TactileImage { rows, cols, pressures: fill_missing(shown, rows, cols) };
+        let drawn_from = drawn.as_ref().map(|drawn| {
+            let sensor_from_image = drawn.sensor_from_image;
+            Box::new(Drawn { values: ordered.to_vec(), sensor_from_image })
+        });
+        let (approach, base) = (0.0, None);
+        Ok(Self { sensor, session_from_sensor, image, missing, approach, base, drawn_from })
     }
 
     /// The sensor that took the reading.
@@ -205,7 +201,8 @@ impl Reading {
         self.sensor
     }
 
-    /// The pose of the sensor.
+    /// The pose of the image: that of the sensor, or for a layout of taxels that of the plane on
+    /// which its press was drawn.
     #[must_use]
     pub fn session_from_sensor(&self) -> Pose {
         self.session_from_sensor
@@ -215,6 +212,26 @@ impl Reading {
     #[must_use]
     pub fn image(&self) -> &TactileImage {
         &self.image
+    }
+
+    /// The pose of the sensor itself.
+    #[must_use]
+    pub fn sent_pose(&self) -> Pose {
+        match &self.drawn_from {
+            None => self.session_from_sensor,
+            Some(drawn) => self.session_from_sensor * drawn.sensor_from_image.inverse(),
+        }
+    }
+
+    /// The values of the taxels in the sensor frame's order, Pa, `None` for missing ones: those of
+    /// the image, or those that a layout's image was drawn from.
+    #[must_use]
+    pub fn values(&self) -> Vec<Option<f64>> {
+        if let Some(drawn) = &self.drawn_from {
+            return drawn.values.clone();
+        }
+        let taxels = self.image.pressures.iter().zip(&self.missing);
+        taxels.map(|(pressure, is_missing)| (!is_missing).then_some(*pressure)).collect()
     }
 
     /// Whether each taxel was missing, in the order of the image.
@@ -266,10 +283,10 @@ pub fn checked(
     description: &SensorDescription,
     pressures: &[Option<f64>],
 ) -> Result<Vec<Option<f64>>, ReadingError> {
-    let grid = description.grid();
-    let (rows, cols, expected) = (grid.rows, grid.cols, grid.n_taxels());
-    if pressures.len() != expected {
-        return Err(ReadingError::TaxelCount { expected, found: pressures.len(), rows, cols });
+    let (found, expected) = (pressures.len(), description.n_taxels());
+    if found != expected {
+        let shape = ImageShape::of(description);
+        return Err(ReadingError::TaxelCount { expected, found, shape });
     }
     bounded(pressures)?;
     Ok(in_order(description, pressures))
@@ -287,11 +304,17 @@ pub fn after_lines(
     let mut ordered = checked(description, pressures)?;
     let Some(lines) = &correction.lines else { return Ok(pressures.to_vec()) };
     lines.correct(&mut ordered);
+    if description.listed().is_some() {
+        return Ok(ordered);
+    }
     let grid = description.grid();
     Ok(description.parameters().image_order.of_driver(&ordered, grid.rows, grid.cols))
 }
 
 fn in_order(description: &SensorDescription, pressures: &[Option<f64>]) -> Vec<Option<f64>> {
+    if description.listed().is_some() {
+        return pressures.to_vec();
+    }
     let grid = description.grid();
     description.parameters().image_order.row_major(pressures, grid.rows, grid.cols)
 }
@@ -302,28 +325,6 @@ fn bounded(pressures: &[Option<f64>]) -> Result<(), ReadingError> {
         pressure.filter(|found| is_wrong(*found)).map(|found| (taxel, found))
     });
     wrong.map_or(Ok(()), |(taxel, found)| Err(ReadingError::Pressure { taxel, found }))
-}
-
-fn fill_missing(ordered: &[Option<f64>], rows: usize, cols: usize) -> Vec<f64> {
-    let at = |row: usize, col: usize| ordered[row * cols + col];
-    let ring_mean = |row: usize, col: usize, radius: usize| {
-        let (mut sum, mut n) = (0.0, 0usize);
-        for r in row.saturating_sub(radius)..=(row + radius).min(rows - 1) {
-            for c in col.saturating_sub(radius)..=(col + radius).min(cols - 1) {
-                if let Some(pressure) = at(r, c) {
-                    sum += pressure;
-                    n += 1;
-                }
-            }
-        }
-        (n > 0).then(|| sum / n as f64)
-    };
-    let nearest = |row, col| {
-        (1..rows.max(cols)).find_map(|radius| ring_mean(row, col, radius)).unwrap_or(0.0)
-    };
-    (0..rows * cols)
-        .map(|taxel| ordered[taxel].unwrap_or_else(|| nearest(taxel / cols, taxel % cols)))
-        .collect()
 }
 
 #[cfg(test)]

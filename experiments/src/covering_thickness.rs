@@ -28,6 +28,7 @@ fn setting(inches: f64) -> anyhow::Result<Setting> {
     let thickness = inches * INCH;
     let parameters = SensorDescription::digitacts_6x6().parameters().clone();
     let sensor = SensorDescription::new(SensorParameters {
+        layout: None,
         covering_thickness: thickness,
         point_spread: point_spread_of_covering(thickness),
         force_curve: ForceCurve::new(vec![(0.0, 0.0), (thickness, parameters.saturation)])?,

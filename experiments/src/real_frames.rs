@@ -81,6 +81,7 @@ fn methods() -> Vec<Method> {
 fn array() -> anyhow::Result<SensorDescription> {
     let saturation = 34.0 * KPA;
     let parameters = SensorParameters {
+        layout: None,
         grid: TaxelGrid { rows: 28, cols: 50, pitch: 1.9 * MM, taxel_width: 1.4 * MM },
         covering_thickness: 1.0 * MM,
         point_spread: 1.0 * MM,

@@ -1,15 +1,16 @@
 //! Skins: touches until an object is recognised, by sensors with ever less of an image.
 //!
 //! The catalogue is learnt from presses of the flat 6 × 6 array. It is then recognised by that
-//! array, by a single row of eight taxels and by a single taxel (presses by the training
-//! sampler), and by contacts without an image: places drawn evenly from the surface, with errors
-//! of position and normal that the contact states, as of a force–torque sensor on a probe, and
-//! the same without normals, as of a bumper. Objects are the ten built-in ones and, in the larger
-//! catalogue, those of `surface-scale`. Not here: curved fingertips, which need a layout of taxels
-//! that is not a grid.
+//! array, by curved fingertips of 24 and 12 taxels, by a single row of eight taxels and by a single
+//! taxel (presses by the training sampler), and by contacts without an image: places drawn evenly
+//! from the surface, with errors of position and normal that the contact states, as of a
+//! force–torque sensor on a probe, and the same without normals, as of a bumper. Fingertips also
+//! recognise by catalogues that were learnt from their own presses. Objects are the ten built-in
+//! ones and, in the larger catalogue, those of `surface-scale`.
 
 use std::sync::Arc;
 
+use anyhow::Context as _;
 use clap::Args;
 use glam::DVec3;
 use palpate_core::pose::Pose;
@@ -72,8 +73,10 @@ pub struct Skins {
 /// A sensor of the experiment.
 #[derive(Clone, Debug)]
 enum Skin {
-    /// An array that presses.
+    /// Taxels that press, recognised by the common catalogue.
     Array(Box<SensorDescription>),
+    /// Taxels that press, recognised by a catalogue of their own.
+    Own(Box<SensorDescription>),
     /// Contacts without an image, with or without normals.
     Contacts { normals: bool },
 }
@@ -85,8 +88,17 @@ fn skins(trained: &SensorDescription) -> anyhow::Result<Vec<(&'static str, Skin)
         let parameters = SensorParameters { grid, ..trained.parameters().clone() };
         Ok::<_, anyhow::Error>(Skin::Array(Box::new(SensorDescription::new(parameters)?)))
     };
+    let preset = |name| {
+        let found = SensorDescription::preset_named(name);
+        Ok::<_, anyhow::Error>(Box::new(found.with_context(|| format!("no preset {name}"))?))
+    };
+    let (curved, icub) = (preset("fingertip-curved-24")?, preset("icub-fingertip-12")?);
     Ok(vec![
         ("flat_6x6", Skin::Array(Box::new(trained.clone()))),
+        ("fingertip_24", Skin::Own(curved.clone())),
+        ("fingertip_24_by_flat", Skin::Array(curved)),
+        ("fingertip_12", Skin::Own(icub.clone())),
+        ("fingertip_12_by_flat", Skin::Array(icub)),
         ("row_1x8", like(1, 8)?),
         ("taxel_1x1", like(1, 1)?),
         ("contacts", Skin::Contacts { normals: true }),
@@ -96,7 +108,7 @@ fn skins(trained: &SensorDescription) -> anyhow::Result<Vec<(&'static str, Skin)
 
 /// A catalogue and its objects.
 struct Catalogue {
-    objects: Vec<TestObject>,
+    objects: Arc<Vec<TestObject>>,
     model: Arc<SurfaceModel>,
 }
 
@@ -120,7 +132,12 @@ pub fn run(config: &Skins, progress: Progress<'_>) -> anyhow::Result<Outcome> {
         let catalogue = learn(config, *n, progress)?;
         let mut lines = Vec::new();
         for (key, skin) in skins(&config.touches.sensor)? {
-            let played = play(config, &catalogue, &skin, key, progress)?;
+            let own = match &skin {
+                Skin::Own(sensor) => Some(learn_again(config, &catalogue, sensor, key, progress)?),
+                Skin::Array(_) | Skin::Contacts { .. } => None,
+            };
+            let known = own.as_ref().unwrap_or(&catalogue);
+            let played = play(config, known, &skin, key, progress)?;
             lines.push(add(&mut report, config, *n, key, &played));
         }
         let (x, y) = ("touches".to_owned(), "share right".to_owned());
@@ -153,7 +170,27 @@ fn learn(config: &Skins, n: usize, progress: Progress<'_>) -> anyhow::Result<Cat
     let (surface, symmetries) = (SurfaceConfig::default(), objects::symmetries(&kept));
     let sensor = &config.touches.sensor;
     let model = train_calibrated(&readings, &symmetries, sensor, &surface, config.seed)?;
-    Ok(Catalogue { objects: kept, model })
+    Ok(Catalogue { objects: Arc::new(kept), model })
+}
+
+/// Learns the objects of a catalogue from presses of another sensor.
+fn learn_again(
+    config: &Skins,
+    known: &Catalogue,
+    sensor: &SensorDescription,
+    key: &str,
+    progress: Progress<'_>,
+) -> anyhow::Result<Catalogue> {
+    let mut readings = Vec::new();
+    for (index, object) in known.objects.iter().enumerate() {
+        progress(&format!("touching objects with {key}"), index, known.objects.len());
+        let n = config.touches.train_readings;
+        readings.push(objects::touch(object, sensor, n, 2 * config.seed)?);
+    }
+    let symmetries = objects::symmetries(&known.objects);
+    let surface = SurfaceConfig::default();
+    let model = train_calibrated(&readings, &symmetries, sensor, &surface, config.seed)?;
+    Ok(Catalogue { objects: Arc::clone(&known.objects), model })
 }
 
 /// What each session named after each touch, and its probability of "none of these".
@@ -170,7 +207,7 @@ fn play(
     for (index, object) in catalogue.objects.iter().enumerate() {
         progress(key, index, catalogue.objects.len());
         let presses = match skin {
-            Skin::Array(sensor) => {
+            Skin::Array(sensor) | Skin::Own(sensor) => {
                 let (n, seed) = (config.touches.test_readings, 2 * config.seed + 1);
                 // A sensor that this object escapes feels it in no session.
                 objects::touch(object, sensor, n, seed).unwrap_or_default()
@@ -203,7 +240,7 @@ fn felt(
     stream: &mut Stream,
 ) -> anyhow::Result<Vec<Felt>> {
     match skin {
-        Skin::Array(_) => {
+        Skin::Array(_) | Skin::Own(_) => {
             let mut rest: Vec<usize> = (0..presses.len()).collect();
             let n = config.readings.min(rest.len());
             let mut next = || rest.swap_remove(stream.index(rest.len()));
@@ -278,7 +315,9 @@ fn recognise(
     let mut steps = Vec::with_capacity(felt.len());
     for felt in felt {
         match (felt, skin) {
-            (Felt::Press(reading), Skin::Array(sensor)) => belief.add(reading, sensor),
+            (Felt::Press(reading), Skin::Array(sensor) | Skin::Own(sensor)) => {
+                belief.add(reading, sensor);
+            }
             (Felt::Contact(contact), _) => belief.add_contact(contact),
             (Felt::Press(_), Skin::Contacts { .. }) => unreachable!("contacts have no image"),
         }
@@ -341,13 +380,17 @@ mod tests {
         let config = Skins { counts: vec![3], trials: 1, readings: 10, touches, ..plain };
         let outcome = run(&config, &|_, _, _| ()).unwrap();
         let figures = &outcome.report.summary;
-        for key in ["flat_6x6", "row_1x8", "taxel_1x1", "contacts", "positions"] {
+        let plain = ["flat_6x6", "row_1x8", "taxel_1x1", "contacts", "positions"];
+        let curved =
+            ["fingertip_24", "fingertip_12", "fingertip_24_by_flat", "fingertip_12_by_flat"];
+        for key in plain.into_iter().chain(curved) {
             assert!(figures.contains_key(&format!("touches_to_95_3_{key}")), "{figures:?}");
             let accuracy = figures[&format!("accuracy_3_at_10_{key}")];
             assert!((0.0..=1.0).contains(&accuracy), "{key}: {accuracy}");
         }
         assert!(figures["accuracy_3_at_10_flat_6x6"] > 0.6, "{figures:?}");
         assert!(figures["accuracy_3_at_10_contacts"] > 0.3, "{figures:?}");
-        assert_eq!(outcome.report.rows.len(), 5 * 10);
+        assert!(figures["accuracy_3_at_10_fingertip_24"] > 0.6, "{figures:?}");
+        assert_eq!(outcome.report.rows.len(), 9 * 10);
     }
 }

@@ -6,7 +6,7 @@ use palpate_schemas as wire;
 /// A reading of the named sensor in its wire form, with its pose, without a robot and its number.
 #[must_use]
 pub fn on_the_wire(reading: &Reading, sensor: &str) -> wire::Reading {
-    let pose = reading.session_from_sensor();
+    let pose = reading.sent_pose();
     wire::Reading {
         robot: None,
         seq: None,
@@ -17,7 +17,7 @@ pub fn on_the_wire(reading: &Reading, sensor: &str) -> wire::Reading {
             position: pose.translation.to_array(),
             orientation: pose.rotation.to_array(),
         }),
-        image: reading.image().pressures.iter().copied().map(Some).collect(),
+        image: reading.values(),
         feature: None,
         approach_m: None,
         object_moved: None,

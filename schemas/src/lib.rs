@@ -23,6 +23,7 @@ pub mod warning;
 pub mod belief;
 pub mod history;
 pub mod object;
+pub mod layout;
 pub mod sensor;
 pub mod sensor_health;
 pub mod commissioning;
@@ -71,6 +72,7 @@ pub use history::{
     ReplayStep, SessionChange, SessionReading, SessionReadingPage,
 };
 pub use job::{Job, JobPage, JobStage, JobState};
+pub use layout::{Drawing, Layout, Taxel};
 pub use method::Method;
 pub use next_touch::{AskNextTouches, NextTouch, NextTouches, TouchCandidate, TouchWorkspace};
 pub use object::{
@@ -78,12 +80,12 @@ pub use object::{
     ObjectInfo, ObjectPage, StoredReading, StoredReadingPage, TrainingReadingsAdded, UpdateObject,
 };
 pub use page::PageQuery;
-pub use pose::Pose;
+pub use pose::{Point, Pose};
 pub use problem::{FieldError, Problem, ProblemType};
 pub use reading::{Contact, Looseness, Reading, Stamp};
 pub use sensor::{
-    CreateSensor, DescribeSensor, ForceKnot, ImageOrder, Point, ReadingCheck, Sensor,
-    SensorDescription, SensorPage, SensorPreset, TaxelGrid,
+    CreateSensor, DescribeSensor, ForceKnot, ImageOrder, ReadingCheck, Sensor, SensorDescription,
+    SensorPage, SensorPreset, TaxelGrid,
 };
 pub use sensor_health::{
     HealthCode, HealthReason, HealthState, SensorHealth, SensorRest, ToolCenterError,

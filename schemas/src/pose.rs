@@ -1,4 +1,4 @@
-//! Poses on the wire: position in metres, orientation as a unit quaternion x, y, z, w.
+//! Points and poses on the wire: position in metres, orientation as a unit quaternion x, y, z, w.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -16,4 +16,15 @@ pub struct Pose {
     /// Unit quaternion in the order x, y, z, w. The identity is 0, 0, 0, 1.
     #[schema(value_type = Vec<f64>, min_items = 4, max_items = 4, example = json!([0.0, 0.0, 0.0, 1.0]))]
     pub orientation: [f64; 4],
+}
+
+/// A point in metres, or a unit direction.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct Point {
+    /// Along +x.
+    pub x: f64,
+    /// Along +y.
+    pub y: f64,
+    /// Along +z.
+    pub z: f64,
 }

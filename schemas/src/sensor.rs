@@ -5,6 +5,8 @@ use utoipa::ToSchema;
 use uuid::Uuid;
 
 use crate::coupling::{Coupling, SensorKnowledge, SensorRanges};
+use crate::layout::{Layout, Taxel};
+use crate::pose::Point;
 use crate::warning::Warning;
 
 /// A tactile array sensor.
@@ -18,6 +20,9 @@ pub struct Sensor {
     pub preset: Option<String>,
     /// Geometry and response. Immutable, because stored readings rely on it.
     pub description: SensorDescription,
+    /// How values become images; null for taxels on a grid.
+    #[serde(default)]
+    pub layout: Option<Layout>,
     /// The owner's trust in the description.
     #[serde(default)]
     pub sensor_knowledge: SensorKnowledge,
@@ -62,7 +67,7 @@ pub struct CreateSensor {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coupling: Option<Coupling>,
     /// Trust in the description. Default: `data_sheet`, but `measured` for the presets
-    /// `digitacts-…`, `fingertip-14x14` and `tekscan-26x26`, which describe simulated sensors.
+    /// `digitacts-…`, `fingertip-…` and `tekscan-26x26`, which describe simulated sensors.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensor_knowledge: Option<SensorKnowledge>,
 }
@@ -72,8 +77,15 @@ pub struct CreateSensor {
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DescribeSensor {
-    /// Layout of the taxels.
-    pub grid: TaxelGrid,
+    /// Grid of the taxels. Required unless there are `taxels`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub grid: Option<TaxelGrid>,
+    /// Taxels that are not on a grid, such as those of a curved fingertip, in the order of a reading's
+    /// values. With `grid`, one taxel near each of its places, row by row, or the grid of a
+    /// described sensor's images. Kept in single precision.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(min_items = 1, max_items = 80)]
+    pub taxels: Option<Vec<Taxel>>,
     /// Thickness of the covering in metres, which is also the deepest indentation.
     #[schema(example = 0.00254)]
     pub covering_thickness: f64,
@@ -113,7 +125,8 @@ pub struct DescribeSensor {
 impl From<SensorDescription> for DescribeSensor {
     fn from(known: SensorDescription) -> Self {
         Self {
-            grid: known.grid,
+            grid: Some(known.grid),
+            taxels: known.taxels,
             covering_thickness: known.covering_thickness,
             point_spread: Some(known.point_spread),
             force_curve: Some(known.force_curve),
@@ -154,17 +167,26 @@ pub enum SensorPreset {
     /// One module of PPS DigiTacts: 6 × 4 elements of 1.8 mm with gaps of 0.1 mm.
     #[serde(rename = "pps-digitacts-6x4")]
     PpsDigitacts6x4,
+    /// Two modules of PPS DigiTacts side by side: 6 × 8 elements.
+    #[serde(rename = "pps-digitacts-6x8")]
+    PpsDigitacts6x8,
     /// GelSight Mini as 18 × 24 heights at 0.775 mm; 10 Pa stand for 1 µm.
     #[serde(rename = "gelsight-mini-18x24")]
     GelsightMini18x24,
     /// DIGIT as 16 × 19 heights at 1 mm; 10 Pa stand for 1 µm.
     #[serde(rename = "digit-16x19")]
     Digit16x19,
+    /// Fingertip of the iCub's hand: 12 taxels on a curved skin; +z is the normal of its pad.
+    #[serde(rename = "icub-fingertip-12")]
+    IcubFingertip12,
+    /// Fingertip for simulations: 24 taxels on a cap of 10 mm radius.
+    #[serde(rename = "fingertip-curved-24")]
+    FingertipCurved24,
 }
 
 impl SensorPreset {
     /// Every preset.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 13] = [
         Self::Digitacts6x6,
         Self::Digitacts6x6Thin,
         Self::Digitacts6x8,
@@ -173,8 +195,11 @@ impl SensorPreset {
         Self::XelaUskin4x4,
         Self::ContactilePapillarray3x3,
         Self::PpsDigitacts6x4,
+        Self::PpsDigitacts6x8,
         Self::GelsightMini18x24,
         Self::Digit16x19,
+        Self::IcubFingertip12,
+        Self::FingertipCurved24,
     ];
 
     /// Name of the preset on the wire.
@@ -189,8 +214,11 @@ impl SensorPreset {
             Self::XelaUskin4x4 => "xela-uskin-4x4",
             Self::ContactilePapillarray3x3 => "contactile-papillarray-3x3",
             Self::PpsDigitacts6x4 => "pps-digitacts-6x4",
+            Self::PpsDigitacts6x8 => "pps-digitacts-6x8",
             Self::GelsightMini18x24 => "gelsight-mini-18x24",
             Self::Digit16x19 => "digit-16x19",
+            Self::IcubFingertip12 => "icub-fingertip-12",
+            Self::FingertipCurved24 => "fingertip-curved-24",
         }
     }
 }
@@ -202,8 +230,12 @@ impl SensorPreset {
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SensorDescription {
-    /// Layout of the taxels.
+    /// Grid of the images, and of the taxels unless they are listed.
     pub grid: TaxelGrid,
+    /// Taxels that are not exactly on the grid; null if they are.
+    #[serde(default)]
+    #[schema(min_items = 1, max_items = 80)]
+    pub taxels: Option<Vec<Taxel>>,
     /// Thickness of the covering in metres, which is also the deepest indentation.
     #[schema(example = 0.00254)]
     pub covering_thickness: f64,
@@ -316,15 +348,4 @@ pub struct ReadingCheck {
     /// Probable mistakes, such as pressures in kPa or positions in millimetres.
     #[serde(default)]
     pub warnings: Vec<Warning>,
-}
-
-/// A point in metres, or a unit direction.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
-pub struct Point {
-    /// Along +x.
-    pub x: f64,
-    /// Along +y.
-    pub y: f64,
-    /// Along +z.
-    pub z: f64,
 }

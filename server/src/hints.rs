@@ -12,7 +12,6 @@ mod units;
 use std::collections::BTreeMap;
 
 use glam::DVec3;
-use palpate_core::contact::contact_floor;
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
@@ -121,7 +120,7 @@ fn pressures(reading: &Reading, sensor: &SensorDescription) -> Vec<(WarningCode,
     let parameters = sensor.parameters();
     let (max, saturation) = (image.max(), parameters.saturation);
     let min = image.pressures.iter().copied().fold(f64::MAX, f64::min);
-    let floor = contact_floor(sensor);
+    let floor = sensor.contact_floor();
     let mut found = Vec::new();
     if max > 0.0 && max <= floor && is_structured(image, sensor) {
         found.push((WarningCode::PressureUnit, too_small(max, floor, sensor)));

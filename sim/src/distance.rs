@@ -97,20 +97,26 @@ pub(crate) fn nearest_of_triangle(point: DVec3, &[a, b, c]: &[DVec3; 3]) -> DVec
     a + ab * (at_b * inverse) + ac * (at_c * inverse)
 }
 
-/// Whether a triangle crosses the open segment (Möller and Trumbore 1997).
-pub(crate) fn crosses(&[a, b, c]: &[DVec3; 3], from: DVec3, to: DVec3) -> bool {
+/// Whether a triangle crosses the open segment.
+pub(crate) fn crosses(corners: &[DVec3; 3], from: DVec3, to: DVec3) -> bool {
+    crossing(corners, from, to).is_some()
+}
+
+/// Where a triangle crosses the open segment, as a share of its length (Möller and Trumbore 1997).
+pub(crate) fn crossing(&[a, b, c]: &[DVec3; 3], from: DVec3, to: DVec3) -> Option<f64> {
     let (way, ab, ac) = (to - from, b - a, c - a);
     let normal = way.cross(ac);
     let determinant = ab.dot(normal);
     if determinant.abs() < 1e-30 {
-        return false;
+        return None;
     }
     let offset = from - a;
     let u = offset.dot(normal) / determinant;
     let tilted = offset.cross(ab);
     let v = way.dot(tilted) / determinant;
     let along = ac.dot(tilted) / determinant;
-    u >= 0.0 && v >= 0.0 && u + v <= 1.0 && along > 0.0 && along < 1.0
+    let is_crossed = u >= 0.0 && v >= 0.0 && u + v <= 1.0 && along > 0.0 && along < 1.0;
+    is_crossed.then_some(along)
 }
 
 #[cfg(test)]

@@ -9,13 +9,14 @@
 
 pub(crate) mod bvh;
 mod covering;
+mod facets;
 mod heights;
 mod imaging;
 mod physics;
 
 use std::sync::Arc;
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::rng::Stream;
@@ -27,6 +28,7 @@ use crate::noise::{Electronics, NoiseLevel, taxel_gains};
 use crate::surface::{Surface, SurfacePoint};
 use bvh::Bvh;
 use covering::Covering;
+use facets::Facets;
 pub use heights::HeightMap;
 use imaging::Imaging;
 pub use physics::{Base, CoveringConfig, Physics};
@@ -76,6 +78,8 @@ pub struct PressSimulator {
     imaging: Imaging,
     /// Shared by clones; `None` for the point spread.
     covering: Option<Arc<Covering>>,
+    /// Shared by clones; `None` for taxels on a grid.
+    facets: Option<Arc<Facets>>,
     electronics: Electronics,
     /// Gain of each taxel, row-major; none when all are 1.
     gains: Vec<f64>,
@@ -141,8 +145,19 @@ impl PressSimulator {
                 (Some(Arc::new(elastic)), covering.electronics(&sensor))
             }
         };
+        let facets = sensor.layout().map(|layout| Arc::new(Facets::new(&sensor, layout)));
         let gains = Vec::new();
-        Self { object, sensor, row_major_sensor, imaging, covering, electronics, gains, config }
+        Self {
+            object,
+            sensor,
+            row_major_sensor,
+            imaging,
+            covering,
+            facets,
+            electronics,
+            gains,
+            config,
+        }
     }
 
     /// The same object under another sensor, in the physics of the point spread. The gains of its
@@ -152,7 +167,7 @@ impl PressSimulator {
         let noise_level = self.config.noise_level;
         let config = PressConfig { noise_level, ..PressConfig::for_sensor(&sensor) };
         let spread = sensor.parameters().coupling.gain_spread;
-        let n_taxels = sensor.grid().n_taxels();
+        let n_taxels = sensor.n_taxels();
         let pressed = Self::of_object(Arc::clone(&self.object), sensor, config);
         if spread <= 0.0 {
             return pressed;
@@ -193,18 +208,30 @@ impl PressSimulator {
     /// metres in front of the covering: enough for every press up to that distance.
     #[must_use]
     pub fn heights(&self, object_from_sensor: Pose, reach: f64) -> HeightMap {
-        heights::draw(&self.object.bvh, &self.imaging, object_from_sensor, reach)
+        let bvh = &self.object.bvh;
+        match &self.facets {
+            None => heights::draw(bvh, &self.imaging, object_from_sensor, reach),
+            Some(facets) => {
+                let lowest = facets.lowest(bvh, object_from_sensor, reach);
+                HeightMap::of_lowest(lowest, reach, object_from_sensor)
+            }
+        }
     }
 
     /// The press after moving `travel` metres along +z from the pose of `heights`.
     #[must_use]
     pub fn press_at(&self, heights: &HeightMap, travel: f64) -> Press {
-        let load = match &self.covering {
-            None => {
+        let load = match (&self.covering, &self.facets) {
+            (None, None) => {
                 let thickness = self.sensor.parameters().covering_thickness;
                 Load::Displacements(self.imaging.displacements(heights, travel, thickness))
             }
-            Some(covering) => Load::Pressures(covering.taxel_pressures(heights, travel)),
+            (None, Some(facets)) => {
+                let onwards = Pose::from_parts(DQuat::IDENTITY, travel * DVec3::Z);
+                let pressed_from = heights.seen_from() * onwards;
+                Load::Displacements(facets.displacements(&self.object.bvh, pressed_from))
+            }
+            (Some(covering), _) => Load::Pressures(covering.taxel_pressures(heights, travel)),
         };
         Press { max_penetration: travel - heights.lowest(), load }
     }
@@ -218,7 +245,7 @@ impl PressSimulator {
     /// The press in free air.
     #[must_use]
     pub fn free_press(&self) -> Press {
-        let none = vec![0.0; self.sensor.grid().n_taxels()];
+        let none = vec![0.0; self.sensor.n_taxels()];
         let load = match self.config.physics {
             Physics::PointSpread => Load::Displacements(none),
             Physics::ElasticCovering(_) => Load::Pressures(none),
@@ -253,19 +280,32 @@ impl PressSimulator {
         }
         if coupling.cross_talk > 0.0 {
             let own = pressures.to_vec();
-            let (rows, cols) = (self.sensor.grid().rows, self.sensor.grid().cols);
             for (at, pressure) in pressures.iter_mut().enumerate() {
-                let (row, col) = (at / cols, at % cols);
-                let beside = [
-                    (row > 0).then(|| at - cols),
-                    (row + 1 < rows).then_some(at + cols),
-                    (col > 0).then(|| at - 1),
-                    (col + 1 < cols).then_some(at + 1),
-                ];
-                let heard: f64 = beside.into_iter().flatten().map(|taxel| own[taxel]).sum();
+                let heard: f64 = self.beside(at).into_iter().map(|taxel| own[taxel]).sum();
                 *pressure += coupling.cross_talk * heard;
             }
         }
+    }
+
+    /// The taxels beside one: its neighbours in rows and columns, or of a layout those nearer than
+    /// 1.2 pitches.
+    fn beside(&self, at: usize) -> Vec<usize> {
+        if let Some(layout) = self.sensor.layout() {
+            let (taxels, near) = (layout.taxels(), 1.2 * layout.grid().pitch);
+            let is_beside = |other: &usize| {
+                *other != at && taxels[*other].position.distance(taxels[at].position) < near
+            };
+            return (0..taxels.len()).filter(is_beside).collect();
+        }
+        let (rows, cols) = (self.sensor.grid().rows, self.sensor.grid().cols);
+        let (row, col) = (at / cols, at % cols);
+        let beside = [
+            (row > 0).then(|| at - cols),
+            (row + 1 < rows).then_some(at + cols),
+            (col > 0).then(|| at - 1),
+            (col + 1 < cols).then_some(at + 1),
+        ];
+        beside.into_iter().flatten().collect()
     }
 
     /// The reading of sensor `id` at `object_from_sensor`; its session frame is the object's.

@@ -3,13 +3,14 @@
 use std::path::Path;
 
 use anyhow::Context as _;
+use glam::DVec3;
 use palpate_client::Client;
 use palpate_client::schemas::{
-    CalibrateSensor, ResponsePress, Sensor, SensorCalibration, SpreadPress, SpreadPresses,
-    TaxelState,
+    self as wire, CalibrateSensor, ResponsePress, Sensor, SensorCalibration, SpreadPress,
+    SpreadPresses, TaxelState,
 };
 use palpate_core::sensor::{
-    Coupling, ForceCurve, ImageOrder, SensorDescription, SensorParameters, TaxelGrid,
+    Coupling, ForceCurve, ImageOrder, Layout, SensorDescription, SensorParameters, Taxel, TaxelGrid,
 };
 use palpate_sim::indent::{INDENTER, indentation_run};
 
@@ -24,6 +25,11 @@ pub(crate) async fn indent(
 ) -> anyhow::Result<String> {
     let sensor = client.sensor(sensor).await?;
     let description = description(&sensor)?;
+    anyhow::ensure!(
+        description.listed().is_none(),
+        "{} is a list of taxels, expected a sensor with rows and columns",
+        sensor.name
+    );
     let run = indentation_run(&description, seed);
     let grid = *description.grid();
     let order = description.parameters().image_order;
@@ -69,13 +75,14 @@ pub(crate) async fn indent(
 pub(super) fn description(sensor: &Sensor) -> anyhow::Result<SensorDescription> {
     let given = &sensor.description;
     let knots = given.force_curve.iter().map(|knot| (knot.displacement, knot.pressure)).collect();
+    let grid = TaxelGrid {
+        rows: given.grid.rows as usize,
+        cols: given.grid.cols as usize,
+        pitch: given.grid.pitch,
+        taxel_width: given.grid.taxel_width,
+    };
     Ok(SensorDescription::new(SensorParameters {
-        grid: TaxelGrid {
-            rows: given.grid.rows as usize,
-            cols: given.grid.cols as usize,
-            pitch: given.grid.pitch,
-            taxel_width: given.grid.taxel_width,
-        },
+        grid,
         covering_thickness: given.covering_thickness,
         point_spread: given.point_spread,
         force_curve: ForceCurve::new(knots)?,
@@ -88,7 +95,26 @@ pub(super) fn description(sensor: &Sensor) -> anyhow::Result<SensorDescription> 
             cols_reversed: given.image_order.cols_reversed,
         },
         coupling: Coupling::default(),
+        layout: layout(sensor, grid)?,
     })?)
+}
+
+/// A sensor's layout in core's form; `None` for taxels on the grid.
+fn layout(sensor: &Sensor, grid: TaxelGrid) -> anyhow::Result<Option<Layout>> {
+    let (Some(layout), Some(taxels)) = (&sensor.layout, &sensor.description.taxels) else {
+        return Ok(None);
+    };
+    let vector = |point: wire::Point| DVec3::new(point.x, point.y, point.z);
+    let taxel = |taxel: &wire::Taxel| Taxel {
+        position: vector(taxel.position),
+        normal: vector(taxel.normal),
+        width: taxel.width,
+    };
+    let taxels = taxels.iter().map(taxel).collect();
+    Ok(Some(match layout.drawing {
+        wire::Drawing::AsIs => Layout::near_grid(taxels, grid)?,
+        wire::Drawing::OnPlane | wire::Drawing::AtContact => Layout::list(taxels)?,
+    }))
 }
 
 /// A calibration as a table of gains over the taxels, with advice.

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use anyhow::Context as _;
 use clap::{Args, Subcommand};
 use palpate_client::schemas::{
-    CalibrateSensor, CalibrationQuery, CreateSensor, DescribeSensor, PageQuery, Reading,
+    CalibrateSensor, CalibrationQuery, CreateSensor, DescribeSensor, Drawing, PageQuery, Reading,
     ReadingCheck, ReferenceBody, ReferenceBodyName, Sensor, SensorPassport, SensorPreset,
 };
 
@@ -271,6 +271,15 @@ pub(crate) fn parse_preset(name: &str) -> Result<SensorPreset, String> {
     known.ok_or_else(|| format!("expected one of {}", names()))
 }
 
+/// The number of taxels: rows and columns, or how many are listed.
+fn taxels(sensor: &Sensor) -> String {
+    let (grid, listed) = (&sensor.description.grid, &sensor.description.taxels);
+    match (&sensor.layout, listed) {
+        (Some(layout), Some(taxels)) if layout.drawing != Drawing::AsIs => taxels.len().to_string(),
+        _ => format!("{} × {}", grid.rows, grid.cols),
+    }
+}
+
 fn table(sensors: &[Sensor]) -> String {
     output::table(
         ["name", "id", "taxels", "pitch", "covering", "up to", "knowledge"],
@@ -279,7 +288,7 @@ fn table(sensors: &[Sensor]) -> String {
             [
                 sensor.name.clone(),
                 sensor.id.to_string(),
-                format!("{} × {}", description.grid.rows, description.grid.cols),
+                taxels(sensor),
                 output::mm(description.grid.pitch),
                 output::mm(description.covering_thickness),
                 format!("{:.0} kPa", description.saturation / 1e3),

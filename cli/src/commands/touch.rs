@@ -235,7 +235,7 @@ mod tests {
     #[test]
     fn every_preset_of_the_wire_can_be_simulated() {
         for preset in SensorPreset::ALL {
-            assert!(robot::described(preset).grid().n_taxels() >= 9);
+            assert!(robot::described(preset).n_taxels() >= 9);
         }
     }
 }

@@ -6,7 +6,6 @@
 //! by more than the covering permits has an offset. A drifting taxel, or a drifting row, thus
 //! does not hide itself; two by two drifting taxels look like a contact.
 
-use crate::contact::contact_floor;
 use crate::reading::Reading;
 use crate::sensor::{SensorDescription, TaxelGrid};
 
@@ -152,7 +151,7 @@ pub struct PressRun {
 impl PressRun {
     /// Adds a press of `sensor`. Its missing taxels say nothing.
     pub fn add(&mut self, reading: &Reading, sensor: &SensorDescription) {
-        let (values, n_taxels) = (Values::of(reading, sensor), sensor.grid().n_taxels());
+        let (values, n_taxels) = (Values::of(reading, sensor), sensor.n_taxels());
         self.sums.taxels.resize(n_taxels, TaxelSums::default());
         self.last.resize(n_taxels, None);
         let met_nothing = values.met_nothing();
@@ -180,31 +179,36 @@ impl PressRun {
     }
 }
 
-/// The image of a press.
+/// The values of a press.
 struct Values<'a> {
-    reading: &'a Reading,
-    grid: &'a TaxelGrid,
+    values: Vec<Option<f64>>,
+    sensor: &'a SensorDescription,
     floor: f64,
     /// Response of the covering at the next taxel, as a share of the pressed one's.
     blur: f64,
 }
 
 impl<'a> Values<'a> {
-    fn of(reading: &'a Reading, sensor: &'a SensorDescription) -> Self {
-        let (grid, spread) = (sensor.grid(), sensor.parameters().point_spread);
-        let blur = (-0.5 * (grid.pitch / spread).powi(2)).exp();
-        Self { reading, grid, floor: contact_floor(sensor), blur }
+    fn of(reading: &Reading, sensor: &'a SensorDescription) -> Self {
+        let (pitch, spread) = (sensor.grid().pitch, sensor.parameters().point_spread);
+        let blur = (-0.5 * (pitch / spread).powi(2)).exp();
+        Self { values: reading.values(), sensor, floor: sensor.contact_floor(), blur }
     }
 
     /// The value of a taxel, unless it is missing.
     fn at(&self, taxel: usize) -> Option<f64> {
-        (!self.reading.missing()[taxel]).then(|| self.reading.image().pressures[taxel])
+        self.values[taxel]
     }
 
     /// Values beside a taxel, first the two in its row, then the two in its column; `None` beyond
-    /// the array and for missing ones.
+    /// the array and for missing ones. On a skin without rows the pair that is most opposite.
     fn beside(&self, taxel: usize) -> [Option<f64>; 4] {
-        let TaxelGrid { rows, cols, .. } = *self.grid;
+        if let Some(skin) = self.sensor.listed() {
+            let [one, other] =
+                skin.opposite_neighbours(taxel).map_or([None; 2], |pair| pair.map(Some));
+            return [one, other, None, None].map(|taxel| self.at(taxel?));
+        }
+        let TaxelGrid { rows, cols, .. } = *self.sensor.grid();
         let (row, col) = (taxel / cols, taxel % cols);
         [
             (col > 0).then(|| taxel - 1),
@@ -216,7 +220,7 @@ impl<'a> Values<'a> {
     }
 
     fn met_nothing(&self) -> bool {
-        let n_taxels = self.grid.n_taxels();
+        let n_taxels = self.values.len();
         let mut valid: Vec<f64> = (0..n_taxels).filter_map(|taxel| self.at(taxel)).collect();
         let middle = valid.len() / 2;
         if valid.is_empty() {
@@ -262,7 +266,10 @@ impl<'a> Values<'a> {
     }
 
     fn is_corner(&self, taxel: usize) -> bool {
-        let TaxelGrid { rows, cols, .. } = *self.grid;
+        if self.sensor.listed().is_some() {
+            return false;
+        }
+        let TaxelGrid { rows, cols, .. } = *self.sensor.grid();
         let (row, col) = (taxel / cols, taxel % cols);
         (row == 0 || row + 1 == rows) && (col == 0 || col + 1 == cols)
     }
@@ -284,9 +291,9 @@ mod tests {
         for image in images {
             let value = |c: char| match c {
                 'x' => None,
-                '-' => Some(-2.0 * contact_floor(&sensor())),
+                '-' => Some(-2.0 * sensor().contact_floor()),
                 '.' => Some(0.0),
-                digit => Some(f64::from(digit.to_digit(10).unwrap()) * contact_floor(&sensor())),
+                digit => Some(f64::from(digit.to_digit(10).unwrap()) * sensor().contact_floor()),
             };
             let pressures: Vec<_> =
                 image.split_whitespace().flat_map(str::chars).map(value).collect();
@@ -361,7 +368,7 @@ mod tests {
             assert!((merged.latest - whole.latest).abs() < 1e-9 * whole.mean.abs().max(1.0));
         }
         // 9, 7 and 5 floors: the mean is 7, the noise √((2² + 2²) / 2 / 2).
-        let (taxel, floor) = (whole.taxels[2 * 6 + 2], contact_floor(&sensor()));
+        let (taxel, floor) = (whole.taxels[2 * 6 + 2], sensor().contact_floor());
         assert!((taxel.mean / floor - 7.0).abs() < 1e-9);
         assert!((taxel.noise().unwrap() / floor - 2.0_f64.sqrt()).abs() < 1e-9);
         assert_eq!(merged.taxels[2 * 6 + 2].n_steps, 1, "none between sessions");

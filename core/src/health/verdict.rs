@@ -7,7 +7,6 @@
 use super::day::Day;
 use super::presses::{PressSums, TaxelSums};
 use super::shifts::{CommonShift, ShiftSums};
-use crate::contact::contact_floor;
 use crate::sensor::SensorDescription;
 use crate::units::MM;
 
@@ -214,7 +213,7 @@ fn taxel_findings(
     first: Option<&PressSums>,
     sensor: &SensorDescription,
 ) -> Vec<Finding> {
-    let limits = Limits { floor: contact_floor(sensor), noise: sensor.parameters().noise };
+    let limits = Limits { floor: sensor.contact_floor(), noise: sensor.parameters().noise };
     let (latest, mean) = (|sums: &TaxelSums| sums.latest, |sums: &TaxelSums| sums.mean);
     let common = common_offset(recent, latest);
     let mut findings = Vec::new();

@@ -1,12 +1,16 @@
 //! Arrays that people own, as far as their makers describe them.
 //!
 //! Each says what its figures come from. What no source states is assumed, and open in the
-//! ranges: check the pitch, the thickness and the range of your own unit. Taxels lie on a plane and
-//! a square grid here; lengths in metres, pressures in pascal.
+//! ranges: check the pitch, the thickness and the range of your own unit. Lengths in metres,
+//! pressures in pascal.
+
+use glam::DVec3;
 
 use super::coupling::{Coupling, CoveringEdge};
 use super::defaults;
-use super::description::{ImageOrder, SensorParameters, TaxelGrid};
+use super::description::{ImageOrder, SensorParameters};
+use super::grid::TaxelGrid;
+use super::layout::{Layout, Taxel};
 use super::point_spread::point_spread_of_covering;
 use super::ranges::StatedRanges;
 use crate::units::{INCH, KPA, MM};
@@ -50,15 +54,89 @@ pub(super) fn contactile_papillarray_3x3() -> (SensorParameters, StatedRanges) {
     (SensorParameters { point_spread: 1.0 * MM, ..known }, ranges)
 }
 
-/// One module of Pressure Profile Systems' DigiTacts, 6 × 4 elements.
+/// One module of Pressure Profile Systems' DigiTacts, 6 × 4 elements, or two side by side.
 ///
-/// From section 2.1.1: squares of 1.8 mm with gaps of 0.1 mm, and 8 bits; 20 kPa and the covering
-/// of 0.10 inch as in the dissertation's experiments. The wider gap of 0.2 mm down the middle is
-/// left out, so elements are within 0.05 mm of their places.
-pub(super) fn pps_digitacts_6x4() -> (SensorParameters, StatedRanges) {
-    let grid = TaxelGrid { rows: 6, cols: 4, pitch: 1.9 * MM, taxel_width: 1.8 * MM };
+/// From section 2.1.1: squares of 1.8 mm with gaps of 0.1 mm, 0.2 mm down the middle of each
+/// module, and 8 bits; 20 kPa and the covering of 0.10 inch as in the dissertation's experiments.
+/// Assumed: the gap between modules is 0.1 mm too.
+pub(super) fn pps_digitacts(modules: usize) -> (SensorParameters, StatedRanges) {
+    let (pitch, width, middle) = (1.9 * MM, 1.8 * MM, 2.0 * MM);
+    let grid = TaxelGrid { rows: 6, cols: 4 * modules, pitch, taxel_width: width };
+    // Centres of the columns: a module begins a pitch after the last column of the one before.
+    let steps = (1..grid.cols).map(|col| if col % 4 == 2 { middle } else { pitch });
+    let mut along = vec![0.0];
+    steps.for_each(|step| along.push(along[along.len() - 1] + step));
+    let half = 0.5 * along[along.len() - 1];
+    let taxel = |index: usize| {
+        let y = grid.center(index / grid.cols, 0).1;
+        let position = DVec3::new(along[index % grid.cols] - half, y, 0.0);
+        Taxel { position, normal: DVec3::Z, width }
+    };
+    let taxels = (0..grid.n_taxels()).map(taxel).collect();
+    let layout = Layout::near_grid(taxels, grid).expect("elements are within 0.1 mm of a grid");
     let known = covered(grid, 0.10 * INCH, 20.0 * KPA, Coupling::default());
-    (SensorParameters { quantisation: 20.0 * KPA / 256.0, ..known }, StatedRanges::default())
+    let known =
+        SensorParameters { layout: Some(layout), quantisation: 20.0 * KPA / 256.0, ..known };
+    (known, StatedRanges::default())
+}
+
+/// The fingertip of the iCub's hand with 12 taxels.
+///
+/// Positions and normals from its maker (`icub-tech-iit/electronics-boards-public`,
+/// `sensor-boards/ftx2`), said to be within 0.5 mm. Here +z is the normal of the middle of the pad
+/// (its taxel 6), the origin is that taxel's centre, and +x points to the tip. Assumed: taxels of
+/// 3 mm, 1.5 mm of soft fabric, 100 kPa, and 5 % of hysteresis, since Jamali et al. (2015) saw some.
+pub(super) fn icub_fingertip_12() -> (SensorParameters, StatedRanges) {
+    // Root frame of the source, in its order: normal (any norm), position in mm.
+    const SOURCE: [([f64; 3], [f64; 3]); 12] = [
+        ([0.0, 0.5, -0.866], [-10.3, 2.2, -3.8]),
+        ([0.0, 1.0, 0.0], [-10.3, 4.4, 0.0]),
+        ([0.0, 0.5, 0.866], [-10.3, 2.2, 3.8]),
+        ([0.0, 0.0, 1.0], [-12.5, -1.4, 4.4]),
+        ([0.0, 0.0, -1.0], [-12.5, -1.4, -4.4]),
+        ([0.0, 0.5, 0.866], [-14.1, 2.2, 3.8]),
+        ([0.0, 1.0, 0.0], [-14.1, 4.4, 0.0]),
+        ([0.0, 0.5, -0.866], [-14.1, 2.2, -3.8]),
+        ([-0.5, 0.472, -0.726], [-18.7, 1.6, -2.5]),
+        ([-0.5, 0.866, 0.0], [-18.7, 3.15, 0.0]),
+        ([-0.5, 0.472, 0.726], [-18.7, 1.6, 2.5]),
+        ([-1.0, 0.0, 0.0], [-20.9, 0.0, 0.0]),
+    ];
+    let pad = DVec3::from_array(SOURCE[6].1);
+    let turned = |v: DVec3| DVec3::new(-v.x, v.z, v.y);
+    let taxel = |(normal, position): ([f64; 3], [f64; 3])| Taxel {
+        position: turned(DVec3::from_array(position) - pad) * MM,
+        normal: turned(DVec3::from_array(normal)).normalize(),
+        width: 3.0 * MM,
+    };
+    let layout = Layout::list(SOURCE.map(taxel).to_vec()).expect("the taxels are a layout");
+    let coupling = Coupling { hysteresis: 0.05, ..Coupling::default() };
+    let known = covered(*layout.grid(), 1.5 * MM, 100.0 * KPA, coupling);
+    let ranges = StatedRanges { margin: Some((0.0, 2.0 * MM)), ..StatedRanges::default() };
+    (SensorParameters { layout: Some(layout), ..known }, ranges)
+}
+
+/// A fingertip for simulations: 24 taxels on a cap of 10 mm radius, in rings of 1, 6, 8 and 9 that
+/// are 3.5 mm apart along the skin. Chosen: about the size and number of electrodes of a human-sized
+/// robot finger.
+pub(super) fn fingertip_curved_24() -> SensorParameters {
+    const RADIUS: f64 = 10.0 * MM;
+    let ring = |(number, count): (usize, usize)| {
+        let tilt = number as f64 * 3.5 * MM / RADIUS;
+        (0..count).map(move |index| {
+            // Every other ring is turned by half a taxel.
+            let share = (index as f64 + 0.5 * (number % 2) as f64) / count as f64;
+            let around = share * std::f64::consts::TAU;
+            let normal =
+                DVec3::new(tilt.sin() * around.cos(), tilt.sin() * around.sin(), tilt.cos());
+            Taxel { position: RADIUS * (normal - DVec3::Z), normal, width: 3.0 * MM }
+        })
+    };
+    let taxels = [1, 6, 8, 9].into_iter().enumerate().flat_map(ring).collect();
+    let layout = Layout::list(taxels).expect("the rings are a layout");
+    let known = covered(*layout.grid(), 0.10 * INCH, 20.0 * KPA, Coupling::default());
+    let quantisation = 20.0 * KPA / 256.0;
+    SensorParameters { layout: Some(layout), quantisation, point_spread: 2.0 * MM, ..known }
 }
 
 /// GelSight Mini, as a map of 18 × 24 heights.
@@ -107,6 +185,7 @@ fn covered(
 ) -> SensorParameters {
     SensorParameters {
         grid,
+        layout: None,
         covering_thickness,
         point_spread: point_spread_of_covering(covering_thickness),
         force_curve: defaults::force_curve(covering_thickness, saturation),

@@ -6,44 +6,13 @@
 
 use thiserror::Error;
 
+use glam::DVec3;
+
 use super::coupling::Coupling;
 use super::force_curve::ForceCurve;
+use super::grid::TaxelGrid;
+use super::layout::{Layout, LayoutError, Taxel, place_in};
 use crate::units::{MM, Shown};
-
-/// A rectangular grid of square taxels.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TaxelGrid {
-    /// Number of rows (along +y).
-    pub rows: usize,
-    /// Number of columns (along +x).
-    pub cols: usize,
-    /// Distance between the centres of neighbouring taxels, metres.
-    pub pitch: f64,
-    /// Side of one taxel's sensing area, metres; at most the pitch.
-    pub taxel_width: f64,
-}
-
-impl TaxelGrid {
-    /// The number of taxels.
-    #[must_use]
-    pub fn n_taxels(&self) -> usize {
-        self.rows * self.cols
-    }
-
-    /// Whether the taxels fill an area: at least two rows and two columns. A single taxel or a
-    /// single row has no image of a surface, and cannot tell how the surface lies.
-    #[must_use]
-    pub fn is_area(&self) -> bool {
-        self.rows > 1 && self.cols > 1
-    }
-
-    /// The centre of a taxel in the sensor frame's plane, metres: (x, y).
-    #[must_use]
-    pub fn center(&self, row: usize, col: usize) -> (f64, f64) {
-        let along = |index: usize, n: usize| (index as f64 - (n as f64 - 1.0) / 2.0) * self.pitch;
-        (along(col, self.cols), along(row, self.rows))
-    }
-}
 
 /// Order of the driver's image relative to the sensor frame's row-major order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -101,8 +70,10 @@ impl ImageOrder {
 /// The unchecked numbers of a sensor's description.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SensorParameters {
-    /// The grid of taxels.
+    /// The grid of taxels; with a layout, that of its images.
     pub grid: TaxelGrid,
+    /// Taxels that are not exactly on the grid; `None` for those of the grid itself.
+    pub layout: Option<Layout>,
     /// Thickness of the covering, metres: its largest indentation.
     pub covering_thickness: f64,
     /// Standard deviation of the Gaussian point spread, metres.
@@ -179,6 +150,14 @@ pub enum SensorError {
         /// The first invalid knot.
         knot: usize,
     },
+    /// Taxels are no layout.
+    #[error(transparent)]
+    Layout(#[from] LayoutError),
+    /// Values of a layout come in the order of its taxels.
+    #[error(
+        "image_order turns or mirrors images, expected none: values come in the order of `taxels`"
+    )]
+    OrderOfLayout,
 }
 
 impl SensorDescription {
@@ -186,7 +165,13 @@ impl SensorDescription {
     ///
     /// # Errors
     /// [`SensorError`] names the first parameter that is out of range.
-    pub fn new(parameters: SensorParameters) -> Result<Self, SensorError> {
+    pub fn new(mut parameters: SensorParameters) -> Result<Self, SensorError> {
+        if let Some(layout) = &parameters.layout {
+            parameters.grid = *layout.grid();
+            if !layout.is_near_grid() && parameters.image_order != ImageOrder::default() {
+                return Err(SensorError::OrderOfLayout);
+            }
+        }
         let grid = &parameters.grid;
         for (field, found) in [("rows", grid.rows), ("cols", grid.cols)] {
             if !(1..=128).contains(&found) {
@@ -210,10 +195,71 @@ impl SensorDescription {
         &self.0
     }
 
-    /// The grid of taxels.
+    /// The grid of images.
     #[must_use]
     pub fn grid(&self) -> &TaxelGrid {
         &self.0.grid
+    }
+
+    /// The layout of the taxels; `None` when they are on the grid.
+    #[must_use]
+    pub fn layout(&self) -> Option<&Layout> {
+        self.0.layout.as_ref()
+    }
+
+    /// The layout of taxels that are not in rows and columns; `None` when images are.
+    #[must_use]
+    pub fn listed(&self) -> Option<&Layout> {
+        self.layout().filter(|layout| !layout.is_near_grid())
+    }
+
+    /// The number of values of a press.
+    #[must_use]
+    pub fn n_taxels(&self) -> usize {
+        self.layout().map_or_else(|| self.grid().n_taxels(), |layout| layout.taxels().len())
+    }
+
+    /// A taxel, by its index in the sensor frame's order.
+    ///
+    /// # Panics
+    /// When there is no such taxel.
+    #[must_use]
+    pub fn taxel(&self, index: usize) -> Taxel {
+        match self.layout() {
+            Some(layout) => layout.taxels()[index],
+            None => Taxel {
+                position: place_in(self.grid(), index),
+                normal: DVec3::Z,
+                width: self.grid().taxel_width,
+            },
+        }
+    }
+
+    /// Radius of the covering's curvature, metres; `None` for a flat sensor.
+    #[must_use]
+    pub fn radius(&self) -> Option<f64> {
+        self.layout().map(Layout::radius).filter(|radius| radius.is_finite())
+    }
+
+    /// The point of the covering's free surface at a place (x, y) of an image, metres in the frame
+    /// of the image: (x, y, 0), or below it on a curved skin.
+    #[must_use]
+    pub fn on_covering(&self, x: f64, y: f64) -> DVec3 {
+        let Some(radius) = self.radius() else { return DVec3::new(x, y, 0.0) };
+        let along = x.hypot(y);
+        let angle = (along / radius).min(std::f64::consts::FRAC_PI_2);
+        let shrunk = if along > 0.0 { radius * angle.sin() / along } else { 1.0 };
+        DVec3::new(shrunk * x, shrunk * y, radius * (angle.cos() - 1.0))
+    }
+
+    /// The pressure (Pa) above which a taxel reads clearly more than noise: five deviations and two
+    /// steps of the converter, and at least one part in two hundred of the sensing range.
+    #[must_use]
+    pub fn contact_floor(&self) -> f64 {
+        let parameters = &self.0;
+        (5.0 * parameters.noise)
+            .max(2.0 * parameters.quantisation)
+            .max(parameters.saturation / 200.0)
     }
 }
 

@@ -7,8 +7,9 @@
 use thiserror::Error;
 
 use super::coupling::{Coupling, CoveringEdge};
-use super::description::{ImageOrder, SensorDescription, SensorError, SensorParameters, TaxelGrid};
+use super::description::{ImageOrder, SensorDescription, SensorError, SensorParameters};
 use super::family::bent;
+use super::grid::TaxelGrid;
 use super::ranges::StatedRanges;
 use crate::convention::PoseConvention;
 use crate::pose::Pose;

@@ -6,8 +6,9 @@
 use super::arrays;
 use super::coupling::Coupling;
 use super::defaults;
-use super::description::{ImageOrder, SensorDescription, SensorParameters, TaxelGrid};
+use super::description::{ImageOrder, SensorDescription, SensorParameters};
 use super::family::SensorKnowledge;
+use super::grid::TaxelGrid;
 use super::point_spread::point_spread_of_covering;
 use super::ranges::StatedRanges;
 use crate::units::{INCH, KPA, MM};
@@ -25,7 +26,7 @@ pub struct Preset {
 
 impl Preset {
     /// The names that [`Preset::named`] accepts.
-    pub const NAMES: [&'static str; 10] = [
+    pub const NAMES: [&'static str; 13] = [
         "digitacts-6x6",
         "digitacts-6x6-thin",
         "digitacts-6x8",
@@ -34,8 +35,11 @@ impl Preset {
         "xela-uskin-4x4",
         "contactile-papillarray-3x3",
         "pps-digitacts-6x4",
+        "pps-digitacts-6x8",
         "gelsight-mini-18x24",
         "digit-16x19",
+        "icub-fingertip-12",
+        "fingertip-curved-24",
     ];
 
     /// The preset with the given name in the API and on the command line.
@@ -59,9 +63,12 @@ impl Preset {
             "tekscan-26x26" => Some(simulated(SensorDescription::tekscan_26x26())),
             "xela-uskin-4x4" => Some(real(arrays::xela_uskin_4x4())),
             "contactile-papillarray-3x3" => Some(real(arrays::contactile_papillarray_3x3())),
-            "pps-digitacts-6x4" => Some(real(arrays::pps_digitacts_6x4())),
+            "pps-digitacts-6x4" => Some(real(arrays::pps_digitacts(1))),
+            "pps-digitacts-6x8" => Some(real(arrays::pps_digitacts(2))),
             "gelsight-mini-18x24" => Some(real(arrays::gelsight_mini_18x24())),
             "digit-16x19" => Some(real(arrays::digit_16x19())),
+            "icub-fingertip-12" => Some(real(arrays::icub_fingertip_12())),
+            "fingertip-curved-24" => Some(simulated(checked(arrays::fingertip_curved_24()))),
             _ => None,
         }
     }
@@ -127,6 +134,7 @@ fn covered(grid: TaxelGrid, covering_thickness: f64) -> SensorDescription {
     let saturation = 20.0 * KPA;
     checked(SensorParameters {
         grid,
+        layout: None,
         covering_thickness,
         point_spread: point_spread_of_covering(covering_thickness),
         force_curve: defaults::force_curve(covering_thickness, saturation),
@@ -153,8 +161,28 @@ mod tests {
             assert_eq!(preset.ranges.check(), Ok(()), "{name}");
             let grid = preset.description.grid();
             let shape = name.trim_end_matches("-thin");
-            assert!(shape.ends_with(&format!("{}x{}", grid.rows, grid.cols)));
+            let size = match preset.description.listed() {
+                Some(layout) => layout.taxels().len().to_string(),
+                None => format!("{}x{}", grid.rows, grid.cols),
+            };
+            assert!(shape.ends_with(&size), "{name}: {size}");
         }
         assert_eq!(Preset::named("6x6"), None);
+    }
+
+    #[test]
+    fn fingertips_are_curved_and_modules_are_not() {
+        let described = |name| SensorDescription::preset_named(name).unwrap();
+        let icub = described("icub-fingertip-12");
+        assert!((4.0 * MM..8.0 * MM).contains(&icub.radius().unwrap()), "{:?}", icub.radius());
+        let dome = described("fingertip-curved-24");
+        assert!((dome.radius().unwrap() - 10.0 * MM).abs() < 1e-9);
+        assert_eq!((dome.n_taxels(), dome.grid().rows % 2), (24, 1));
+        let two = described("pps-digitacts-6x8");
+        assert_eq!(two.radius(), None);
+        // 4 columns of 1.8 mm with gaps of 0.1, 0.2, 0.1 mm, then 0.1 mm to the second module.
+        let (first, fifth) = (two.taxel(0).position, two.taxel(4).position);
+        assert!((fifth.x - first.x - 7.7 * MM).abs() < 1e-8);
+        assert!(two.layout().unwrap().resampling_loss() < 0.05);
     }
 }

@@ -9,7 +9,7 @@
 use thiserror::Error;
 
 use super::calibration::{Calibration, CalibrationError, TaxelResponse, TaxelState};
-use super::description::TaxelGrid;
+use super::grid::TaxelGrid;
 use super::line::{Goodness, Line};
 
 /// Fraction of the median slope below which a taxel is dead.

@@ -8,7 +8,7 @@
 use libm::erf;
 use thiserror::Error;
 
-use super::description::TaxelGrid;
+use super::grid::TaxelGrid;
 
 /// Range of candidate spreads, in element widths.
 const SPREADS: (f64, f64) = (0.1, 8.0);

@@ -97,8 +97,10 @@ impl PressSpace {
     /// The space of a touch.
     pub(crate) fn of_touch(reading: &Reading, sensor: &SensorDescription, anchor: DVec3) -> Self {
         let session_from_sensor = reading.session_from_sensor();
-        let place =
-            |x: f64, y: f64, z: f64| (session_from_sensor * DVec3::new(x, y, z) - anchor).as_vec3();
+        let place = |x: f64, y: f64, z: f64| {
+            let at = sensor.on_covering(x, y) + z * DVec3::Z;
+            (session_from_sensor * at - anchor).as_vec3()
+        };
         let image = reading.image();
         let behind = -(sensor.parameters().covering_thickness + BODY);
         let mut space = Self::new(Vec::new());
@@ -112,8 +114,10 @@ impl PressSpace {
             }
         }
         let (x, y) = half_sides(sensor);
-        let body = [(0.0, 0.0), (-x, -y), (-x, y), (x, -y), (x, y)];
-        space.free.extend(body.map(|(x, y)| place(x, y, behind)));
+        // A finger is narrow behind its skin.
+        let corners = [(0.0, 0.0), (-x, -y), (-x, y), (x, -y), (x, y)];
+        let n = if sensor.radius().is_some() { 1 } else { corners.len() };
+        space.free.extend(corners[..n].iter().map(|(x, y)| place(*x, *y, behind)));
         space
     }
 
@@ -124,12 +128,10 @@ impl PressSpace {
         let steps = (way / STEP).ceil() as usize;
         let mut free = Vec::with_capacity(SIDE * SIDE * (steps + 1));
         for step in 0..=steps {
-            let z = -(step as f64 * STEP).min(way);
-            free.extend(
-                samples(reading, sensor).map(|(x, y, _)| {
-                    (session_from_sensor * DVec3::new(x, y, z) - anchor).as_vec3()
-                }),
-            );
+            let back = (step as f64 * STEP).min(way) * DVec3::Z;
+            free.extend(samples(reading, sensor).map(|(x, y, _)| {
+                (session_from_sensor * (sensor.on_covering(x, y) - back) - anchor).as_vec3()
+            }));
         }
         Self::new(free)
     }

@@ -12,7 +12,7 @@ use palpate_core::contact::touches;
 use palpate_core::contact::{CONTACT_SHARE, center_of_pressure};
 use palpate_core::reading::point_contact::PointContact;
 use palpate_core::reading::{Reading, TactileImage};
-use palpate_core::sensor::{SensorDescription, TaxelGrid};
+use palpate_core::sensor::SensorDescription;
 use palpate_core::units::MM;
 
 /// Area that a contact can press evenly, square metres; the rest of a larger array is in free air.
@@ -24,6 +24,9 @@ const AXIS_DEVIATION: f64 = 0.6;
 
 /// The same for a single row of taxels, whose own pressures show how the surface lies along it.
 const ROW_DEVIATION: f64 = 0.43;
+
+/// The same for a curved skin, which shows where it was touched and so how the surface lies.
+const SKIN_DEVIATION: f64 = 0.3;
 
 /// Deviation of a place known to lie within a width of 1, evenly.
 const EVENLY: f64 = 0.289;
@@ -38,11 +41,15 @@ pub struct PointDeviations {
 }
 
 impl PointDeviations {
-    /// What a press by a single taxel or a single row leaves open; `None` for an area of taxels.
-    /// Part of equation R1a.
-    fn of_grid(grid: &TaxelGrid) -> Option<Self> {
+    /// What a press leaves open that has no image which the catalogue can compare: by a single taxel
+    /// or a single row, or by a curved skin unlike that of the training. `None` for others. Part of
+    /// equation R1a.
+    fn of_sensor(sensor: &SensorDescription, space: &AppearanceSpace) -> Option<Self> {
+        let grid = sensor.grid();
         if grid.is_area() {
-            return None;
+            let is_foreign = sensor.radius().is_some() && space.grid() != grid;
+            let (position, normal) = (EVENLY * grid.pitch, Some(SKIN_DEVIATION));
+            return is_foreign.then_some(Self { position, normal });
         }
         let is_single = grid.n_taxels() == 1;
         let normal = if is_single { AXIS_DEVIATION } else { ROW_DEVIATION };
@@ -98,7 +105,7 @@ pub fn observe_touch(
     }
     let image = reading.image();
     let session_from_sensor = reading.session_from_sensor();
-    if let Some(point) = PointDeviations::of_grid(sensor.grid()) {
+    if let Some(point) = PointDeviations::of_sensor(sensor, space) {
         return Some(Touch {
             position: session_from_sensor * center_of_pressure(image, sensor),
             normal: session_from_sensor.turn(DVec3::NEG_Z),
@@ -188,7 +195,7 @@ mod tests {
     use palpate_core::descriptor::Descriptor as _;
     use palpate_core::pose::Pose;
     use palpate_core::reading::SensorId;
-    use palpate_core::sensor::SensorParameters;
+    use palpate_core::sensor::{SensorParameters, TaxelGrid};
     use palpate_core::vocabulary::discriminant::Discriminant;
 
     fn space(sensor: &SensorDescription) -> AppearanceSpace {

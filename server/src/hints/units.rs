@@ -1,6 +1,5 @@
 //! Estimation of the unit of pressures.
 
-use palpate_core::contact::contact_floor;
 use palpate_core::reading::TactileImage;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::units::Shown;
@@ -31,7 +30,7 @@ const RANGE_SHARE: f64 = 1e-3;
 /// threshold and its saturation, the likeliest first: the one that brings it nearest to the
 /// middle of that range on a logarithmic scale.
 fn units(max: f64, sensor: &SensorDescription) -> Vec<Unit> {
-    let (floor, saturation) = (contact_floor(sensor), sensor.parameters().saturation);
+    let (floor, saturation) = (sensor.contact_floor(), sensor.parameters().saturation);
     let area = sensor.grid().taxel_width * sensor.grid().taxel_width;
     let mut units = vec![
         Unit { name: "kPa", pascals: 1e3 },

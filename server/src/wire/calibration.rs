@@ -30,6 +30,11 @@ pub(crate) fn fitted(
     created_at_ms: u64,
 ) -> Result<StoredLines, Invalid> {
     let description = &sensor.description;
+    if description.listed().is_some() {
+        let detail = "the sensor is a list of taxels, expected one with rows and columns: correct \
+                      its values in the driver";
+        return Err(Invalid::field("/response", detail));
+    }
     let n_spread = request.spread.as_ref().map_or(0, |spread| spread.presses.len());
     n_presses("/response", request.response.len(), RESPONSE_PRESSES_MAX)?;
     let n_taxels = (request.response.len() + n_spread) * description.grid().n_taxels();

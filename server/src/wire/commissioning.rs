@@ -44,6 +44,11 @@ pub(crate) fn touches(
         let detail = format!("{n} touches came, expected {TOUCHES_MIN} to {TOUCHES_MAX}");
         return Err(Invalid::field("/readings", detail));
     }
+    if description.listed().is_some() {
+        let detail = "the sensor is a list of taxels, expected one with rows and columns: only \
+                      those are commissioned";
+        return Err(Invalid::field("/readings", detail));
+    }
     let n_taxels = n * description.grid().n_taxels();
     if n_taxels > TAXELS_MAX {
         let most = TAXELS_MAX / description.grid().n_taxels();

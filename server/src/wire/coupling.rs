@@ -90,7 +90,9 @@ fn refuse(error: SensorError) -> Invalid {
         | SensorError::Order { field, .. }
         | SensorError::Empty { field }
         | SensorError::Count { field, .. } => format!("/description/ranges/{field}"),
-        SensorError::ForceCurve { .. } => "/description/ranges".to_owned(),
+        SensorError::ForceCurve { .. } | SensorError::Layout(_) | SensorError::OrderOfLayout => {
+            "/description/ranges".to_owned()
+        }
     };
     Invalid::field(pointer, error)
 }

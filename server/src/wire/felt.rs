@@ -126,7 +126,7 @@ pub(super) fn shear(
     sensor: &SensorDescription,
 ) -> Result<(), Invalid> {
     let Some(shear) = &given.shear else { return Ok(()) };
-    let (expected, found) = (sensor.grid().n_taxels(), shear.len());
+    let (expected, found) = (sensor.n_taxels(), shear.len());
     if found != expected {
         let detail = format!(
             "{found} taxels came, expected {expected}: two values for each taxel of the image"

@@ -1,6 +1,5 @@
 //! Conversion of sensors: descriptions and checks of readings.
 
-use palpate_core::contact::contact_floor;
 use palpate_core::contact::{CONTACT_SHARE, center_of_pressure};
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
@@ -15,7 +14,7 @@ use uuid::Uuid;
 
 use crate::hints::{Hint, Judged};
 use crate::wire::reading::Applied;
-use crate::wire::{Invalid, coupling, time};
+use crate::wire::{Invalid, coupling, layout, time};
 
 /// A stored sensor and the numbers of what applies to it in their wire form.
 pub(crate) fn sensor(sensor: &Sensor, applied: Option<&Applied>) -> wire::Sensor {
@@ -24,6 +23,7 @@ pub(crate) fn sensor(sensor: &Sensor, applied: Option<&Applied>) -> wire::Sensor
         name: sensor.name.clone(),
         preset: sensor.preset.clone(),
         description: description(sensor),
+        layout: layout::layout(&sensor.description),
         sensor_knowledge: coupling::knowledge(sensor.knowledge),
         calibration: applied.map(|applied| applied.number),
         passport: applied.and_then(|applied| applied.passport),
@@ -81,6 +81,7 @@ fn description(sensor: &Sensor) -> wire::SensorDescription {
             pitch: grid.pitch,
             taxel_width: grid.taxel_width,
         },
+        taxels: layout::taxels(description),
         covering_thickness: parameters.covering_thickness,
         point_spread: parameters.point_spread,
         force_curve: parameters.force_curve.knots().iter().map(knot).collect(),
@@ -107,14 +108,21 @@ fn checked_description(given: &wire::DescribeSensor) -> Result<SensorDescription
             ForceCurve::new(knots).map_err(refuse)?
         }
     };
-    let grid = TaxelGrid {
-        rows: given.grid.rows as usize,
-        cols: given.grid.cols as usize,
-        pitch: given.grid.pitch,
-        taxel_width: given.grid.taxel_width,
+    let stated = given.grid.as_ref().map(|grid| TaxelGrid {
+        rows: grid.rows as usize,
+        cols: grid.cols as usize,
+        pitch: grid.pitch,
+        taxel_width: grid.taxel_width,
+    });
+    let layout = given.taxels.as_ref().map(|taxels| layout::layout_of(taxels, stated));
+    let layout = layout.transpose()?;
+    let Some(grid) = stated.or_else(|| layout.as_ref().map(|layout| *layout.grid())) else {
+        let detail = "is missing, expected the grid of the taxels, or `taxels` as a list";
+        return Err(Invalid::field("/description/grid", detail));
     };
     let parameters = SensorParameters {
         grid,
+        layout,
         covering_thickness: thickness,
         point_spread: given.point_spread.unwrap_or_else(|| point_spread_of_covering(thickness)),
         force_curve,
@@ -168,6 +176,8 @@ fn refuse(error: SensorError) -> Invalid {
             format!("/description/ranges/{field}")
         }
         SensorError::ForceCurve { knot } => format!("/description/force_curve/{knot}"),
+        SensorError::Layout(error) => return layout::refuse(error.clone()),
+        SensorError::OrderOfLayout => "/description/image_order".to_owned(),
     };
     Invalid::field(pointer, error)
 }
@@ -185,7 +195,7 @@ pub(crate) fn check(
         taxels.filter(|&(taxel, &p)| fits(taxel, p)).map(|(taxel, _)| taxel as u32).collect()
     };
     let max_pressure = image.max();
-    let (half, floor) = (CONTACT_SHARE * max_pressure, contact_floor(description));
+    let (half, floor) = (CONTACT_SHARE * max_pressure, description.contact_floor());
     let contact = indices(&|_, pressure| pressure > floor && pressure >= half);
     let missing = indices(&|taxel, _| reading.missing()[taxel]);
     let saturated = indices(&|_, pressure| pressure >= parameters.saturation);

@@ -1,6 +1,5 @@
 //! Conversion of sensors' health, with its sentences.
 
-use palpate_core::contact::contact_floor;
 use palpate_core::health::day::Day;
 use palpate_core::health::presses::{PressSums, TaxelSums};
 use palpate_core::health::shifts::CommonShift;
@@ -122,7 +121,7 @@ fn rest(found: &Health, sensor: &SensorDescription) -> Option<wire::SensorRest> 
         changes: found.first.as_ref().filter(|first| first.n_quiet > 0).map(change),
         noise: of(&found.recent, TaxelSums::noise),
         described_noise: sensor.parameters().noise,
-        contact_floor: contact_floor(sensor),
+        contact_floor: sensor.contact_floor(),
         pressures: of(&found.recent, latest),
     })
 }
@@ -153,6 +152,9 @@ fn reason(finding: &Finding, found: &Health, sensor: &Sensor) -> wire::HealthRea
 fn sentence(finding: &Finding, found: &Health, sensor: &Sensor) -> String {
     let Finding { fault, value, expected, .. } = *finding;
     let named = |taxel: usize| {
+        if sensor.description.listed().is_some() {
+            return format!("taxel {taxel}");
+        }
         let cols = sensor.description.grid().cols;
         format!("taxel {taxel} (row {}, column {})", taxel / cols, taxel % cols)
     };

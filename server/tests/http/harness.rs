@@ -273,24 +273,40 @@ pub(crate) fn touches(
     seed: u64,
     session_from_object: Pose,
 ) -> Vec<Value> {
+    touches_by("digitacts-6x6", size, n, seed, session_from_object)
+}
+
+/// The same by a sensor of a preset.
+pub(crate) fn touches_by(
+    preset: &str,
+    size: [f64; 3],
+    n: usize,
+    seed: u64,
+    session_from_object: Pose,
+) -> Vec<Value> {
     let mesh = Mesh::from_bytes(MeshFormat::Off, off_box(size).as_bytes(), 1e-3).unwrap();
-    let simulator = PressSimulator::new(mesh, SensorDescription::digitacts_6x6());
+    let simulator = PressSimulator::new(mesh, SensorDescription::preset_named(preset).unwrap());
     let config = SamplerConfig::for_simulator(&simulator);
     let mut go_on = |_, _| std::ops::ControlFlow::Continue(());
     let readings = sample(&simulator, SensorId(1), n, seed, &config, &mut go_on).unwrap();
-    readings.iter().map(|reading| wire(&reading.moved_by(session_from_object))).collect()
+    let wire = |reading: &Reading| wire_of(preset, &reading.moved_by(session_from_object));
+    readings.iter().map(wire).collect()
 }
 
-/// A simulated reading of the preset in wire form.
+/// A simulated reading of the usual preset in wire form.
 pub(crate) fn wire(reading: &Reading) -> Value {
-    let pose = reading.session_from_sensor();
+    wire_of("digitacts-6x6", reading)
+}
+
+fn wire_of(preset: &str, reading: &Reading) -> Value {
+    let pose = reading.sent_pose();
     json!({
-        "sensor": "digitacts-6x6",
+        "sensor": preset,
         "pose": {
             "position": pose.translation.to_array(),
             "orientation": pose.rotation.to_array(),
         },
-        "image": reading.image().pressures,
+        "image": reading.values(),
     })
 }
 

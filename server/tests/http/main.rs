@@ -22,6 +22,7 @@ mod history;
 mod keeping;
 mod keys;
 mod knowledge;
+mod layouts;
 mod leases;
 mod limits;
 mod matrix;

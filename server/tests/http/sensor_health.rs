@@ -1,7 +1,6 @@
 //! Tests of sensors' health: from presses without contact, and from recognised sessions.
 
 use glam::DVec3;
-use palpate_core::contact::contact_floor;
 use palpate_core::pose::Pose;
 use palpate_core::sensor::SensorDescription;
 use reqwest::Method;
@@ -21,7 +20,7 @@ async fn add_sensors(it: &Harness, names: &[&str]) {
 /// Presses of a sensor that meet nothing, with noise of a tenth of the contact floor, and a taxel
 /// with an offset in floors.
 fn quiet(sensor: &str, n: usize, taxel: usize, offset: f64) -> Vec<Value> {
-    let floor = contact_floor(&SensorDescription::digitacts_6x6());
+    let floor = SensorDescription::digitacts_6x6().contact_floor();
     let press = |press: usize| {
         let noise = |taxel: usize| 0.1 * floor * (((7 * press + 3 * taxel) % 5) as f64 / 2.0 - 1.0);
         let mut image: Vec<f64> = (0..36).map(noise).collect();

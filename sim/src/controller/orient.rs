@@ -32,14 +32,14 @@ pub fn turn_to_surface(
     pressures: &[f64],
     threshold: f64,
 ) -> Option<DQuat> {
-    let grid = sensor.grid();
     let points: Vec<DVec3> = pressures
         .iter()
         .enumerate()
         .filter(|(_, pressure)| **pressure > threshold)
-        .map(|(taxel, pressure)| {
-            let (x, y) = grid.center(taxel / grid.cols, taxel % grid.cols);
-            DVec3::new(x, y, -sensor.parameters().force_curve.displacement(*pressure))
+        .map(|(index, pressure)| {
+            let taxel = sensor.taxel(index);
+            let displaced = sensor.parameters().force_curve.displacement(*pressure);
+            taxel.position - displaced * taxel.normal
         })
         .collect();
     let (slope_x, slope_y) = plane_slopes(&points)?;

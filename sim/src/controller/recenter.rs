@@ -198,12 +198,10 @@ fn mean(landing: &Landing) -> f64 {
 /// `pressures` in Pa, row-major in the sensor frame's order.
 #[must_use]
 pub fn contact_offset(sensor: &SensorDescription, pressures: &[f64], threshold: f64) -> DVec3 {
-    let grid = sensor.grid();
     let (mut sum, mut weight) = (DVec3::ZERO, 0.0);
-    for (taxel, pressure) in pressures.iter().enumerate() {
+    for (index, pressure) in pressures.iter().enumerate() {
         let excess = (pressure - threshold).max(0.0);
-        let (x, y) = grid.center(taxel / grid.cols, taxel % grid.cols);
-        sum += excess * DVec3::new(x, y, 0.0);
+        sum += excess * sensor.taxel(index).position.with_z(0.0);
         weight += excess;
     }
     if weight > 0.0 { sum / weight } else { DVec3::ZERO }

@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 use palpate_core::pose::Pose;
 
 use crate::distance::{
-    crosses, nearest_of_triangle, segment_meets_box, segment_to_triangle_squared,
+    crosses, crossing, nearest_of_triangle, segment_meets_box, segment_to_triangle_squared,
 };
 use crate::mesh::Mesh;
 
@@ -79,6 +79,24 @@ impl Bvh {
         let apart =
             |node: &Node| (node.center - middle).abs().cmpgt(node.half + half_way.abs()).any();
         self.any(apart, |corners| crosses(corners, from, to))
+    }
+
+    /// The distance from `from` along the unit vector `ahead` to the first triangle within `reach`.
+    pub(super) fn first_hit(&self, from: DVec3, ahead: DVec3, reach: f64) -> Option<f64> {
+        let to = from + reach * ahead;
+        let (middle, half_way) = (0.5 * (from + to), 0.5 * (to - from));
+        let apart =
+            |node: &Node| (node.center - middle).abs().cmpgt(node.half + half_way.abs()).any();
+        let mut nearest: Option<f64> = None;
+        self.any(apart, |corners| {
+            if let Some(share) = crossing(corners, from, to)
+                && nearest.is_none_or(|least| share * reach < least)
+            {
+                nearest = Some(share * reach);
+            }
+            false
+        });
+        nearest
     }
 
     /// Whether any triangle is nearer than `radius` to the segment from `from` to `to`.
@@ -256,6 +274,18 @@ mod tests {
             assert!((at.distance(point) - naive).abs() < 1e-15);
             assert!(normal.dot(at) > 0.0, "{normal}");
         }
+    }
+
+    #[test]
+    fn the_first_hit_of_a_ray_is_on_the_near_side() {
+        let bvh = Bvh::new(&sphere(0.03, 60));
+        let hit = |from: [f64; 3], reach| bvh.first_hit(from.into(), DVec3::NEG_X, reach);
+        let near = hit([0.05, 0.001, 0.002], 0.1).unwrap();
+        assert!((near - 0.02).abs() < 0.2e-3, "{near}");
+        assert_eq!(hit([0.05, 0.001, 0.002], 0.01), None);
+        assert_eq!(hit([0.05, 0.04, 0.0], 0.1), None);
+        let inside = hit([0.0, 0.001, 0.002], 0.1).unwrap();
+        assert!((inside - 0.03).abs() < 0.2e-3, "{inside}");
     }
 
     #[test]

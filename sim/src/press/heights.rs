@@ -21,9 +21,21 @@ pub struct HeightMap {
     step: f64,
     lowest: f64,
     reach: f64,
+    /// The pose from which a layout of taxels sees the object: it looks anew at every depth.
+    seen_from: Pose,
 }
 
 impl HeightMap {
+    /// The heights of a layout of taxels: the lowest alone.
+    pub(super) fn of_lowest(lowest: f64, reach: f64, seen_from: Pose) -> Self {
+        Self { z: Vec::new(), cols: 1, first: (0.0, 0.0), step: 0.0, lowest, reach, seen_from }
+    }
+
+    /// The pose from which they were drawn: `object_from_sensor`.
+    pub(super) fn seen_from(&self) -> Pose {
+        self.seen_from
+    }
+
     /// The height of the object's nearest point above the array itself (not the covering
     /// beyond it), metres; infinite when there is none within reach.
     #[must_use]
@@ -37,7 +49,8 @@ impl HeightMap {
         self.reach
     }
 
-    /// The points with a visible surface: x, y and height, metres in the sensor frame.
+    /// The points with a visible surface: x, y and height, metres in the sensor frame. None for a
+    /// layout of taxels.
     pub fn points(&self) -> impl Iterator<Item = (f64, f64, f64)> {
         self.z.iter().enumerate().filter(|(_, z)| z.is_finite()).map(|(idx, z)| {
             let along = |first: f64, index: usize| first + index as f64 * self.step;
@@ -61,7 +74,8 @@ pub(super) fn draw(
     let middle = |n: usize| -0.5 * (n as f64 - 1.0) * step;
     let first = (middle(cols), middle(rows));
     let z = vec![f64::INFINITY; cols * rows];
-    let mut heights = HeightMap { z, cols, first, step, lowest: f64::INFINITY, reach };
+    let (lowest, seen_from) = (f64::INFINITY, object_from_sensor);
+    let mut heights = HeightMap { z, cols, first, step, lowest, reach, seen_from };
     let high = DVec3::new(-first.0, -first.1, reach);
     let near = SensorBox { low: DVec3::new(first.0, first.1, -HOUSING_DEPTH), high };
     let array = imaging.array_half();

@@ -25,6 +25,9 @@ fn a_plate_pressed_one_millimetre_displaces_every_taxel_by_one() {
     let plate = cuboid(DVec3::new(80.0 * MM, 80.0 * MM, 10.0 * MM));
     for name in palpate_core::sensor::Preset::NAMES {
         let sensor = SensorDescription::preset_named(name).unwrap();
+        if sensor.radius().is_some() {
+            continue;
+        }
         let simulator = PressSimulator::new(plate.clone(), sensor);
         let press = simulator.press(looking_down(4.0 * MM)); // the top is at 5 mm
         assert!((press.max_penetration - 1.0 * MM).abs() < 1e-9);

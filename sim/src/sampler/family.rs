@@ -89,7 +89,6 @@ fn one_of(
 
 #[cfg(test)]
 mod tests {
-    use palpate_core::contact::contact_floor;
     use palpate_core::sensor::{Preset, SensorDescription, SensorKnowledge};
     use palpate_core::units::MM;
 
@@ -139,7 +138,7 @@ mod tests {
             let mut go_on = |_: usize, _: usize| ControlFlow::Continue(());
             let taken = sample_family(&simulator, &family, SensorId(0), 32, 3, &config, &mut go_on);
             let readings = taken.unwrap_or_else(|error| panic!("{name}: {error}"));
-            let floor = contact_floor(simulator.sensor());
+            let floor = simulator.sensor().contact_floor();
             assert!(readings.iter().all(|reading| reading.image().max() > floor), "{name}");
         }
     }

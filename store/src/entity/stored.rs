@@ -1,9 +1,10 @@
 //! Sensors, objects, jobs and sessions as they are stored.
 
 use bincode::{Decode, Encode};
+use glam::DVec3;
 use palpate_core::sensor::{
-    Coupling, CoveringEdge, ForceCurve, ImageOrder, SensorDescription, SensorKnowledge,
-    SensorParameters, SpreadKernel, StatedRanges, TaxelGrid,
+    Coupling, CoveringEdge, ForceCurve, ImageOrder, Layout, SensorDescription, SensorError,
+    SensorKnowledge, SensorParameters, SpreadKernel, StatedRanges, Taxel, TaxelGrid,
 };
 use uuid::Uuid;
 
@@ -41,6 +42,45 @@ struct SensorRecordV2 {
     /// Index in [`KNOWLEDGE`].
     knowledge: u8,
     ranges: RangesV1,
+}
+
+/// The layout follows the fields of [`SensorRecordV2`].
+#[derive(Encode, Decode)]
+struct SensorRecordV3 {
+    known: SensorRecordV2,
+    layout: Option<LayoutV1>,
+}
+
+/// Taxels: position and normal, x, y and z each, and width.
+#[derive(Encode, Decode)]
+struct LayoutV1 {
+    is_near_grid: bool,
+    taxels: Vec<([f32; 3], [f32; 3], f32)>,
+}
+
+impl LayoutV1 {
+    fn of(layout: &Layout) -> Self {
+        let taxel = |taxel: &Taxel| {
+            let (position, normal) = (taxel.position.as_vec3(), taxel.normal.as_vec3());
+            (position.to_array(), normal.to_array(), taxel.width as f32)
+        };
+        let taxels = layout.taxels().iter().map(taxel).collect();
+        Self { is_near_grid: layout.is_near_grid(), taxels }
+    }
+
+    fn value(self, grid: TaxelGrid) -> Result<Layout, RecordError> {
+        let taxel = |(position, normal, width): ([f32; 3], [f32; 3], f32)| Taxel {
+            position: DVec3::from_array(position.map(f64::from)),
+            normal: DVec3::from_array(normal.map(f64::from)),
+            width: f64::from(width),
+        };
+        let taxels = self.taxels.into_iter().map(taxel).collect();
+        let layout = match self.is_near_grid {
+            true => Layout::near_grid(taxels, grid),
+            false => Layout::list(taxels),
+        };
+        Ok(layout.map_err(SensorError::Layout)?)
+    }
 }
 
 #[derive(Encode, Decode)]
@@ -130,31 +170,43 @@ impl RangesV1 {
 
 impl Record for Sensor {
     const KIND: Kind = Kind::Sensor;
-    const SCHEMA: u16 = 2;
+    const SCHEMA: u16 = 3;
 
     fn to_payload(&self) -> Vec<u8> {
         let coupling = CouplingV1::of(&self.description.parameters().coupling);
         let (knowledge, ranges) = (code(&KNOWLEDGE, &self.knowledge), RangesV1::of(&self.ranges));
-        write(&SensorRecordV2 { known: SensorRecordV1::of(self), coupling, knowledge, ranges })
+        let layout = self.description.layout().map(LayoutV1::of);
+        let known = SensorRecordV2 { known: SensorRecordV1::of(self), coupling, knowledge, ranges };
+        write(&SensorRecordV3 { known, layout })
     }
 
     fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
-        let SensorRecordV2 { known, coupling, knowledge, ranges } = read(payload)?;
-        let knowledge = coded(&KNOWLEDGE, "knowledge", knowledge)?;
-        known.sensor(coupling.value()?, knowledge, ranges.value()?)
+        let SensorRecordV3 { known, layout } = read(payload)?;
+        known.sensor(layout)
     }
 
     /// Presets of schema 1 describe the simulator; other sensors were described by their owners.
     fn from_older(schema: u16, payload: &[u8]) -> Result<Self, RecordError> {
-        if schema != 1 {
-            return Err(RecordError::Schema { found: schema, known: Self::SCHEMA });
+        match schema {
+            1 => {
+                let known: SensorRecordV1 = read(payload)?;
+                let knowledge = match known.preset {
+                    Some(_) => SensorKnowledge::Measured,
+                    None => SensorKnowledge::DataSheet,
+                };
+                known.sensor(Coupling::default(), knowledge, StatedRanges::default(), None)
+            }
+            2 => read::<SensorRecordV2>(payload)?.sensor(None),
+            found => Err(RecordError::Schema { found, known: Self::SCHEMA }),
         }
-        let known: SensorRecordV1 = read(payload)?;
-        let knowledge = match known.preset {
-            Some(_) => SensorKnowledge::Measured,
-            None => SensorKnowledge::DataSheet,
-        };
-        known.sensor(Coupling::default(), knowledge, StatedRanges::default())
+    }
+}
+
+impl SensorRecordV2 {
+    fn sensor(self, layout: Option<LayoutV1>) -> Result<Sensor, RecordError> {
+        let Self { known, coupling, knowledge, ranges } = self;
+        let knowledge = coded(&KNOWLEDGE, "knowledge", knowledge)?;
+        known.sensor(coupling.value()?, knowledge, ranges.value()?, layout)
     }
 }
 
@@ -188,15 +240,18 @@ impl SensorRecordV1 {
         coupling: Coupling,
         knowledge: SensorKnowledge,
         ranges: StatedRanges,
+        layout: Option<LayoutV1>,
     ) -> Result<Sensor, RecordError> {
         let [transposed, rows_reversed, cols_reversed] = self.image_order;
+        let grid = TaxelGrid {
+            rows: self.rows as usize,
+            cols: self.cols as usize,
+            pitch: self.pitch,
+            taxel_width: self.taxel_width,
+        };
         let description = SensorDescription::new(SensorParameters {
-            grid: TaxelGrid {
-                rows: self.rows as usize,
-                cols: self.cols as usize,
-                pitch: self.pitch,
-                taxel_width: self.taxel_width,
-            },
+            grid,
+            layout: layout.map(|layout| layout.value(grid)).transpose()?,
             covering_thickness: self.covering_thickness,
             point_spread: self.point_spread,
             force_curve: ForceCurve::new(self.force_curve)?,

@@ -5,8 +5,8 @@
 //! `golden/records_v2.txt` has journal entries of schema 2 and calibrations,
 //! `golden/records_v3.txt` journal entries of schema 3, `golden/records_v4.txt` of schema 4,
 //! `golden/records_v5.txt` of schema 5, `golden/records_v6.txt` of schema 6 with a contact and with
-//! shear, `golden/retractions_v1.txt` a retraction, `golden/heads_v2.txt` a journal head of schema 2,
-//! `golden/sensors_v2.txt` a sensor of schema 2. Not here: calibrations of schema 2.
+//! shear, `golden/retractions_v1.txt` a retraction, `golden/heads_v2.txt` a journal head of schema 2.
+//! Not here: sensors of later schemas (`sensors`), calibrations of schema 2.
 
 use std::fmt::Write;
 use std::sync::Arc;
@@ -14,12 +14,11 @@ use std::sync::Arc;
 use palpate_core::pose::Pose;
 use palpate_core::reading::Looseness;
 use palpate_core::reading::point_contact::ContactNumbers;
-use palpate_core::sensor::SensorKnowledge;
 use palpate_store::calibration::{Addition, StoredCalibration};
 use palpate_store::catalogue::{BlockEntry, Manifest, VersionObject};
 use palpate_store::database::Database;
 use palpate_store::engine::{Commit, Engine};
-use palpate_store::entity::{Object, ReadingId, Sensor, StoredReading};
+use palpate_store::entity::{Object, ReadingId, StoredReading};
 use palpate_store::journal::{Entry, Event, Head, NewEntry};
 use palpate_store::memory::MemoryEngine;
 use palpate_store::record::{decode, encode};
@@ -29,7 +28,7 @@ use uuid::Uuid;
 
 use crate::samples;
 
-const GOLDEN: &str = include_str!("golden/records_v1.txt");
+pub(crate) const GOLDEN: &str = include_str!("golden/records_v1.txt");
 const GOLDEN_V2: &str = include_str!("golden/records_v2.txt");
 const GOLDEN_V3: &str = include_str!("golden/records_v3.txt");
 const GOLDEN_V4: &str = include_str!("golden/records_v4.txt");
@@ -39,7 +38,6 @@ const GOLDEN_V6: &str = include_str!("golden/records_v6.txt");
 const GOLDEN_RETRACTIONS: &str = include_str!("golden/retractions_v1.txt");
 /// The head of the journal of `retracted`, of schema 2.
 const GOLDEN_HEADS: &str = include_str!("golden/heads_v2.txt");
-const GOLDEN_SENSORS: &str = include_str!("golden/sensors_v2.txt");
 
 /// Every key and value of a filled database, a line each in hexadecimal; values above 500
 /// bytes (pieces of files) by their hash.
@@ -92,7 +90,7 @@ fn hex(bytes: &[u8]) -> String {
     })
 }
 
-fn unhex(text: &str) -> Vec<u8> {
+pub(crate) fn unhex(text: &str) -> Vec<u8> {
     let digits = |place| u8::from_str_radix(&text[place..place + 2], 16).unwrap();
     (0..text.len()).step_by(2).map(digits).collect()
 }
@@ -107,8 +105,8 @@ fn is_head(line: &str) -> bool {
     line.starts_with("52") || line.starts_with("54")
 }
 
-/// Sensors (`s`) are written with schema 2 today.
-fn is_sensor(line: &str) -> bool {
+/// Sensors (`s`) are written with schema 3 today.
+pub(crate) fn is_sensor(line: &str) -> bool {
     line.starts_with("73")
 }
 
@@ -169,34 +167,6 @@ fn written_bytes_of_schema_5_equal_the_frozen_bytes() {
         database.robots().put(&[holder]).await.unwrap();
     });
     check_frozen(&current, GOLDEN_V5);
-}
-
-#[test]
-fn written_bytes_of_sensors_equal_the_frozen_bytes_and_are_read() {
-    let sensor = samples::coupled_sensor(10);
-    let current = current_of(&[], async |database| {
-        database.sensors().create(&sensor).await.unwrap();
-    });
-    let sensors: Vec<&str> = current.lines().filter(|line| is_sensor(line)).collect();
-    assert_eq!(sensors, GOLDEN_SENSORS.lines().collect::<Vec<_>>(), "{sensors:?}");
-    assert_eq!(thawed(GOLDEN_SENSORS).sensors().all().unwrap(), [sensor]);
-}
-
-#[test]
-fn described_sensors_of_schema_1_are_of_data_sheets() {
-    // The frozen preset without its name: an absent text is one byte 0 instead of 1, a length
-    // of 8 bytes and the text.
-    let line = GOLDEN.lines().find(|line| is_sensor(line)).unwrap();
-    let sealed = unhex(line.split_once(' ').unwrap().1);
-    let (kind, opened) = palpate_store::envelope::open_any(&sealed).unwrap();
-    assert_eq!((kind, opened.schema), (palpate_store::envelope::Kind::Sensor as u16, 1));
-    let preset = [&[1, 13, 0, 0, 0, 0, 0, 0, 0][..], b"digitacts-6x6"].concat();
-    let at = opened.payload.windows(preset.len()).position(|bytes| bytes == preset).unwrap();
-    let (before, after) = (&opened.payload[..at], &opened.payload[at + preset.len()..]);
-    let payload = [before, &[0], after].concat();
-    let kind = palpate_store::envelope::Kind::Sensor;
-    let found: Sensor = decode(&palpate_store::envelope::seal(kind, 1, &payload)).unwrap();
-    assert_eq!((found.preset, found.knowledge), (None, SensorKnowledge::DataSheet));
 }
 
 #[test]

@@ -16,4 +16,5 @@ mod removal;
 mod repositories;
 mod samples;
 mod sensor_days;
+mod sensors;
 mod snapshots;

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use glam::DVec3;
 use palpate_core::convention::{PoseConvention, PoseDirection, PositionUnit, QuaternionOrder};
 use palpate_core::pose::Pose;
 use palpate_core::reading::Looseness;
@@ -9,8 +10,9 @@ use palpate_core::reading::point_contact::ContactNumbers;
 use palpate_core::sensor::line::{Goodness, Line};
 use palpate_core::sensor::spread_fit::SpreadFit;
 use palpate_core::sensor::{
-    Calibration, Coupling, CoveringEdge, Estimate, ImageOrder, Passport, SensorDescription,
-    SensorKnowledge, SensorParameters, SpreadKernel, StatedRanges, TaxelResponse, TaxelState,
+    Calibration, Coupling, CoveringEdge, Estimate, ImageOrder, Layout, Passport, SensorDescription,
+    SensorKnowledge, SensorParameters, SpreadKernel, StatedRanges, Taxel, TaxelResponse,
+    TaxelState,
 };
 use palpate_store::calibration::{StoredLines, StoredPassport, StoredSpread};
 use palpate_store::catalogue::{Catalogue, Draft, VersionObject};
@@ -38,6 +40,18 @@ pub(crate) fn sensor(id: u128) -> Sensor {
         used: true,
         created_at_ms: 1_700_000_000_001,
     }
+}
+
+/// A fingertip with a list of three taxels.
+pub(crate) fn listed_sensor(id: u128) -> Sensor {
+    let taxel = |tilt: f64| {
+        let normal = DVec3::new(tilt.sin(), 0.0, tilt.cos());
+        Taxel { position: 0.008 * (normal - DVec3::Z), normal, width: 0.003 }
+    };
+    let layout = Some(Layout::list([-0.4, 0.0, 0.4].map(taxel).to_vec()).unwrap());
+    let known = SensorDescription::digitacts_6x6().parameters().clone();
+    let description = SensorDescription::new(SensorParameters { layout, ..known }).unwrap();
+    Sensor { preset: None, description, ..sensor(id) }
 }
 
 /// A sensor whose coupling, knowledge and ranges all differ from the defaults.

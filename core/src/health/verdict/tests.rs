@@ -10,7 +10,7 @@ fn sensor() -> SensorDescription {
 }
 
 fn floor() -> f64 {
-    contact_floor(&sensor())
+    sensor().contact_floor()
 }
 
 /// A taxel at rest, in contact floors.
