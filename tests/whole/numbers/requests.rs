@@ -151,6 +151,7 @@ fn bodies(path: &str) -> Vec<Value> {
         "/v1/sensors" => vec![
             json!({"name": "made", "description": description()}),
             json!({"name": "made", "description": open_description(), "coupling": coupling()}),
+            json!({"name": "made", "description": listed()}),
         ],
         "/v1/sensors/{sensor}/calibration" => vec![calibration()],
         "/v1/sensors/{sensor}/commissionings" => vec![commissioning()],
@@ -293,6 +294,16 @@ fn description() -> Value {
         "noise": 100.0, "quantisation": 78.125,
         "force_curve": [{"displacement": 0.0, "pressure": 0.0},
             {"displacement": 0.00254, "pressure": 20000.0}]})
+}
+
+/// A fingertip of three taxels.
+fn listed() -> Value {
+    let taxel = |x: f64, z: f64| {
+        json!({"position": {"x": 0.01 * x, "y": 0.0, "z": 0.01 * (z - 1.0)},
+            "normal": {"x": x, "y": 0.0, "z": z}, "width": 0.003})
+    };
+    json!({"taxels": [taxel(-0.6, 0.8), taxel(0.0, 1.0), taxel(0.6, 0.8)],
+        "covering_thickness": 0.002, "saturation": 50000.0, "quantisation": 0.0})
 }
 
 /// A sensor whose coupling is stated and whose ranges replace the defaults.
