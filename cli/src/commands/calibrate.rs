@@ -1,6 +1,7 @@
 //! `palpate sensors calibrate`, `calibration` and `indent`: the response of a sensor's taxels.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use anyhow::Context as _;
 use glam::DVec3;
@@ -95,7 +96,7 @@ pub(super) fn description(sensor: &Sensor) -> anyhow::Result<SensorDescription> 
             cols_reversed: given.image_order.cols_reversed,
         },
         coupling: Coupling::default(),
-        layout: layout(sensor, grid)?,
+        layout: layout(sensor, grid)?.map(Arc::new),
     })?)
 }
 

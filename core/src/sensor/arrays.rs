@@ -4,6 +4,8 @@
 //! ranges: check the pitch, the thickness and the range of your own unit. Lengths in metres,
 //! pressures in pascal.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 
 use super::coupling::{Coupling, CoveringEdge};
@@ -75,8 +77,11 @@ pub(super) fn pps_digitacts(modules: usize) -> (SensorParameters, StatedRanges) 
     let taxels = (0..grid.n_taxels()).map(taxel).collect();
     let layout = Layout::near_grid(taxels, grid).expect("elements are within 0.1 mm of a grid");
     let known = covered(grid, 0.10 * INCH, 20.0 * KPA, Coupling::default());
-    let known =
-        SensorParameters { layout: Some(layout), quantisation: 20.0 * KPA / 256.0, ..known };
+    let known = SensorParameters {
+        layout: Some(Arc::new(layout)),
+        quantisation: 20.0 * KPA / 256.0,
+        ..known
+    };
     (known, StatedRanges::default())
 }
 
@@ -113,7 +118,7 @@ pub(super) fn icub_fingertip_12() -> (SensorParameters, StatedRanges) {
     let coupling = Coupling { hysteresis: 0.05, ..Coupling::default() };
     let known = covered(*layout.grid(), 1.5 * MM, 100.0 * KPA, coupling);
     let ranges = StatedRanges { margin: Some((0.0, 2.0 * MM)), ..StatedRanges::default() };
-    (SensorParameters { layout: Some(layout), ..known }, ranges)
+    (SensorParameters { layout: Some(Arc::new(layout)), ..known }, ranges)
 }
 
 /// A fingertip for simulations: 24 taxels on a cap of 10 mm radius, in rings of 1, 6, 8 and 9 that
@@ -136,7 +141,12 @@ pub(super) fn fingertip_curved_24() -> SensorParameters {
     let layout = Layout::list(taxels).expect("the rings are a layout");
     let known = covered(*layout.grid(), 0.10 * INCH, 20.0 * KPA, Coupling::default());
     let quantisation = 20.0 * KPA / 256.0;
-    SensorParameters { layout: Some(layout), quantisation, point_spread: 2.0 * MM, ..known }
+    SensorParameters {
+        layout: Some(Arc::new(layout)),
+        quantisation,
+        point_spread: 2.0 * MM,
+        ..known
+    }
 }
 
 /// GelSight Mini, as a map of 18 × 24 heights.

@@ -4,9 +4,10 @@
 //! the object, +x along columns, +y along rows. Images are row-major in that order. Source:
 //! sections 2.1–2.5. Not here: fitting these numbers to a real sensor.
 
-use thiserror::Error;
+use std::sync::Arc;
 
 use glam::DVec3;
+use thiserror::Error;
 
 use super::coupling::Coupling;
 use super::force_curve::ForceCurve;
@@ -73,7 +74,7 @@ pub struct SensorParameters {
     /// The grid of taxels; with a layout, that of its images.
     pub grid: TaxelGrid,
     /// Taxels that are not exactly on the grid; `None` for those of the grid itself.
-    pub layout: Option<Layout>,
+    pub layout: Option<Arc<Layout>>,
     /// Thickness of the covering, metres: its largest indentation.
     pub covering_thickness: f64,
     /// Standard deviation of the Gaussian point spread, metres.
@@ -204,7 +205,7 @@ impl SensorDescription {
     /// The layout of the taxels; `None` when they are on the grid.
     #[must_use]
     pub fn layout(&self) -> Option<&Layout> {
-        self.0.layout.as_ref()
+        self.0.layout.as_deref()
     }
 
     /// The layout of taxels that are not in rows and columns; `None` when images are.

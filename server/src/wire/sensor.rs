@@ -1,5 +1,7 @@
 //! Conversion of sensors: descriptions and checks of readings.
 
+use std::sync::Arc;
+
 use palpate_core::contact::{CONTACT_SHARE, center_of_pressure};
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
@@ -115,7 +117,7 @@ fn checked_description(given: &wire::DescribeSensor) -> Result<SensorDescription
         taxel_width: grid.taxel_width,
     });
     let layout = given.taxels.as_ref().map(|taxels| layout::layout_of(taxels, stated));
-    let layout = layout.transpose()?;
+    let layout = layout.transpose()?.map(Arc::new);
     let Some(grid) = stated.or_else(|| layout.as_ref().map(|layout| *layout.grid())) else {
         let detail = "is missing, expected the grid of the taxels, or `taxels` as a list";
         return Err(Invalid::field("/description/grid", detail));

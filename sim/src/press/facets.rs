@@ -192,6 +192,7 @@ fn weights(
 #[cfg(test)]
 mod tests {
     use std::ops::ControlFlow;
+    use std::sync::Arc;
 
     use palpate_core::reading::SensorId;
     use palpate_core::sensor::{Coupling, SensorParameters};
@@ -215,7 +216,7 @@ mod tests {
     /// The same sensor with its taxels as a list.
     fn listed(sensor: &SensorDescription) -> SensorDescription {
         let taxels = (0..sensor.n_taxels()).map(|index| sensor.taxel(index)).collect();
-        let layout = Some(Layout::near_grid(taxels, *sensor.grid()).unwrap());
+        let layout = Some(Arc::new(Layout::near_grid(taxels, *sensor.grid()).unwrap()));
         let parameters = SensorParameters { layout, ..sensor.parameters().clone() };
         SensorDescription::new(parameters).unwrap()
     }

@@ -1,5 +1,7 @@
 //! Sensors, objects, jobs and sessions as they are stored.
 
+use std::sync::Arc;
+
 use bincode::{Decode, Encode};
 use glam::DVec3;
 use palpate_core::sensor::{
@@ -251,7 +253,7 @@ impl SensorRecordV1 {
         };
         let description = SensorDescription::new(SensorParameters {
             grid,
-            layout: layout.map(|layout| layout.value(grid)).transpose()?,
+            layout: layout.map(|layout| layout.value(grid)).transpose()?.map(Arc::new),
             covering_thickness: self.covering_thickness,
             point_spread: self.point_spread,
             force_curve: ForceCurve::new(self.force_curve)?,

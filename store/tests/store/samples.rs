@@ -1,6 +1,7 @@
 //! Sample values to store, each field different from every other.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::DVec3;
 use palpate_core::convention::{PoseConvention, PoseDirection, PositionUnit, QuaternionOrder};
@@ -48,7 +49,7 @@ pub(crate) fn listed_sensor(id: u128) -> Sensor {
         let normal = DVec3::new(tilt.sin(), 0.0, tilt.cos());
         Taxel { position: 0.008 * (normal - DVec3::Z), normal, width: 0.003 }
     };
-    let layout = Some(Layout::list([-0.4, 0.0, 0.4].map(taxel).to_vec()).unwrap());
+    let layout = Some(Arc::new(Layout::list([-0.4, 0.0, 0.4].map(taxel).to_vec()).unwrap()));
     let known = SensorDescription::digitacts_6x6().parameters().clone();
     let description = SensorDescription::new(SensorParameters { layout, ..known }).unwrap();
     Sensor { preset: None, description, ..sensor(id) }

@@ -3,6 +3,8 @@
 //! `golden/sensors_v2.txt` is a sensor of schema 2; `golden/sensors_v3.txt` are one on a grid and one
 //! with a list of taxels.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 use palpate_core::sensor::layout::TAXELS_MAX;
 use palpate_core::sensor::{
@@ -44,7 +46,7 @@ fn the_largest_description_fits_one_value() {
     let layout = Layout::list((0..TAXELS_MAX as u32).map(taxel).collect()).unwrap();
     let knots = (0..64).map(|n| (f64::from(n) * 1e-5, f64::from(n) * 10.0)).collect();
     let force_curve = ForceCurve::new(knots).unwrap();
-    let parameters = SensorParameters { layout: Some(layout), force_curve, ..known };
+    let parameters = SensorParameters { layout: Some(Arc::new(layout)), force_curve, ..known };
     largest.description = SensorDescription::new(parameters).unwrap();
     largest.name = "x".repeat(64);
     let bytes = encode(&largest).len();
