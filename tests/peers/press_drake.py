@@ -1,0 +1,213 @@
+"""Drake's hydroelastic contact as the physics of two worlds of `palpate experiment other-worlds`.
+
+`palpate experiment other-worlds` writes meshes and sensor poses to a folder and runs this script
+on it:
+
+    python3 -m venv /tmp/peers && /tmp/peers/bin/pip install drake==1.51.1 pyyaml numpy
+    palpate experiment other-worlds --python /tmp/peers/bin/python
+    /tmp/peers/bin/python tests/peers/press_drake.py --check
+
+The sensor's covering is a compliant box, the object a rigid mesh that need not be convex. Drake
+computes the surface of contact and the pressure on it. Here its polygons are cut into small
+triangles, and their forces along the sensor's axis are summed over the cells of the covering.
+Spread, gains, noise and converter are the experiment's.
+
+The folder holds `covering.csv` (thickness in m, pressure per depth in Pa/m, rows and columns of
+cells, side of a cell in m), `OBJECT.off` in metres for each object (0, 1, ...), and `poses.csv`
+(object, then `object_from_sensor` as metres and a quaternion x, y, z, w). The script adds
+`pressures.csv`: the mean pressure (Pa) on each cell, row-major, a line for each pose in order.
+
+With `--module` the script only tells whether Drake is there; its exit code is 3 when it is not.
+With `--check` it presses a sphere and compares the image with that of the experiment's simulator.
+"""
+
+import sys
+import time
+from functools import lru_cache
+from multiprocessing import Pool
+
+MODULE_MISSING = 3
+
+try:
+    import numpy as np
+    from pydrake.common import MemoryFile
+    from pydrake.common.eigen_geometry import Quaternion
+    from pydrake.geometry import (
+        AddCompliantHydroelasticProperties,
+        AddRigidHydroelasticProperties,
+        Box,
+        FramePoseVector,
+        GeometryFrame,
+        GeometryInstance,
+        HydroelasticContactRepresentation,
+        InMemoryMesh,
+        Mesh,
+        ProximityProperties,
+        SceneGraph,
+    )
+    from pydrake.math import RigidTransform
+except ImportError as error:
+    print(f"{error}: pip install drake==1.51.1 pyyaml numpy", file=sys.stderr)
+    sys.exit(MODULE_MISSING)
+
+PROCESSES = 2
+# Poses of one object that a process presses at a time.
+CHUNK = 20
+# Small triangles along the side of a cell.
+CUTS_PER_CELL = 6
+
+
+class Covering:
+    """The compliant covering, and the grid of cells on its free surface (z = 0, objects above)."""
+
+    def __init__(self, thickness, pressure_per_depth, rows, cols, cell):
+        self.thickness = thickness
+        self.pressure_per_depth = pressure_per_depth
+        self.rows, self.cols, self.cell = int(rows), int(cols), cell
+
+    def geometry(self):
+        """A box whose front face is the free surface.
+
+        Pressure grows from every face of a box to its middle. With four times the thickness, and
+        twice the thickness more on each side, it grows from the front face alone over all cells.
+        """
+        t = self.thickness
+        box = Box(self.cols * self.cell + 4 * t, self.rows * self.cell + 4 * t, 4 * t)
+        properties = ProximityProperties()
+        modulus = self.pressure_per_depth * 2 * t
+        AddCompliantHydroelasticProperties(10 * t, modulus, properties)
+        instance = GeometryInstance(RigidTransform([0, 0, -2 * t]), box, "covering")
+        instance.set_proximity_properties(properties)
+        return instance
+
+
+class Press:
+    """A scene of one object in front of the covering; the world frame is the sensor's."""
+
+    def __init__(self, covering, vertices, triangles):
+        self.covering = covering
+        self.scene = SceneGraph()
+        self.source = self.scene.RegisterSource("press")
+        self.scene.RegisterAnchoredGeometry(self.source, covering.geometry())
+        self.frame = self.scene.RegisterFrame(self.source, GeometryFrame("object"))
+        lines = ["v %r %r %r" % tuple(v) for v in vertices.tolist()]
+        lines += ["f %d %d %d" % tuple(t) for t in (triangles + 1).tolist()]
+        text = "\n".join(lines) + "\n"
+        mesh = Mesh(InMemoryMesh(mesh_file=MemoryFile(text, ".obj", "object")))
+        properties = ProximityProperties()
+        AddRigidHydroelasticProperties(properties)
+        instance = GeometryInstance(RigidTransform(), mesh, "object")
+        instance.set_proximity_properties(properties)
+        self.scene.RegisterGeometry(self.source, self.frame, instance)
+        self.context = self.scene.CreateDefaultContext()
+
+    def pressures(self, object_from_sensor):
+        """Mean pressure on each cell (rows, cols), Pa."""
+        poses = FramePoseVector()
+        poses.set_value(self.frame, object_from_sensor.inverse())
+        self.scene.get_source_pose_port(self.source).FixValue(self.context, poses)
+        query = self.scene.get_query_output_port().Eval(self.context)
+        sums = np.zeros((self.covering.rows, self.covering.cols))
+        for surface in query.ComputeContactSurfaces(HydroelasticContactRepresentation.kPolygon):
+            self.add(sums, surface)
+        return sums / self.covering.cell**2
+
+    def add(self, sums, surface):
+        """Adds the forces (N) along the sensor's axis on a surface of contact to the cells."""
+        mesh, field = surface.poly_mesh_W(), surface.poly_e_MN()
+        numbers = range(mesh.num_vertices())
+        points = np.array([mesh.vertex(at) for at in numbers])[:, :2]
+        pressures = np.array([field.EvaluateAtVertex(at) for at in numbers])
+        # Beyond its thickness the covering is not compressed.
+        limit = self.covering.pressure_per_depth * self.covering.thickness
+        corners = fans(mesh.face_data())
+        corners_at, corners_press = points[corners], pressures[corners]
+        sides = corners_at - np.roll(corners_at, 1, axis=1)
+        (ax, ay), (bx, by) = sides[:, 1].T, sides[:, 2].T
+        areas = 0.5 * np.abs(ax * by - ay * bx)
+        cut = self.covering.cell / CUTS_PER_CELL
+        longest = np.sqrt((sides**2).sum(axis=2).max(axis=1))
+        cuts = 2 ** np.ceil(np.log2(np.maximum(longest / cut, 1.0))).astype(int)
+        for n in np.unique(cuts):
+            own, weights = cuts == n, middles(int(n))
+            at = np.einsum("mc,tcd->tmd", weights, corners_at[own]).reshape(-1, 2)
+            press = np.einsum("mc,tc->tm", weights, corners_press[own])
+            force = np.clip(press, 0.0, limit) * (areas[own] / n**2)[:, None]
+            self.bin(sums, at, force.ravel())
+
+    def bin(self, sums, at, force):
+        """Adds forces at points (x, y) to the cells; those beyond the covering are nobody's."""
+        covering = self.covering
+        col = np.floor(at[:, 0] / covering.cell + 0.5 * covering.cols).astype(int)
+        row = np.floor(at[:, 1] / covering.cell + 0.5 * covering.rows).astype(int)
+        inside = (col >= 0) & (col < covering.cols) & (row >= 0) & (row < covering.rows)
+        cells = row[inside] * covering.cols + col[inside]
+        sums += np.bincount(cells, force[inside], minlength=sums.size).reshape(sums.shape)
+
+
+def fans(face_data):
+    """Vertex numbers (n, 3) of the triangles into which polygons fall."""
+    triangles, at = [], 0
+    while at < len(face_data):
+        first, *others = face_data[at + 1 : at + 1 + face_data[at]]
+        triangles += [(first, a, b) for a, b in zip(others, others[1:])]
+        at += 1 + face_data[at]
+    return np.array(triangles, dtype=int).reshape(-1, 3)
+
+
+@lru_cache(maxsize=None)
+def middles(n):
+    """Barycentric middles (n², 3) of the triangles into which n cuts a side divide one."""
+    i, j = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
+    up, down = i + j < n, i + j < n - 1
+    a = np.concatenate([i[up] + 1 / 3, i[down] + 2 / 3]) / n
+    b = np.concatenate([j[up] + 1 / 3, j[down] + 2 / 3]) / n
+    return np.stack([1 - a - b, a, b], axis=1)
+
+
+def read_off(path):
+    """Vertices (n, 3) and triangles (m, 3) of an OFF file."""
+    with open(path, encoding="ascii") as file:
+        words = file.read().split()
+    n_vertices, n_triangles = int(words[1]), int(words[2])
+    end = 4 + 3 * n_vertices
+    vertices = np.array(words[4:end], dtype=float).reshape(-1, 3)
+    faces = np.array(words[end : end + 4 * n_triangles], dtype=int).reshape(-1, 4)
+    return vertices, faces[:, 1:]
+
+
+def pose(numbers):
+    """A rigid transform of metres and a quaternion x, y, z, w."""
+    x, y, z, w = np.array(numbers[3:]) / np.linalg.norm(numbers[3:])
+    return RigidTransform(Quaternion(w, x, y, z), numbers[:3])
+
+
+@lru_cache(maxsize=1)
+def scene(folder, number):
+    """The scene of an object; a process keeps the last one."""
+    covering = Covering(*np.loadtxt(f"{folder}/covering.csv", delimiter=","))
+    return Press(covering, *read_off(f"{folder}/{number}.off"))
+
+
+def press_all(chunk):
+    """The lines of a chunk: folder, object, poses."""
+    folder, number, poses = chunk
+    press = scene(folder, number)
+    images = [press.pressures(pose(numbers)) for numbers in poses]
+    return [",".join(f"{value:.6g}" for value in image.ravel()) for image in images]
+
+
+def press_folder(folder):
+    """Presses every pose of a folder."""
+    rows = np.loadtxt(f"{folder}/poses.csv", delimiter=",", ndmin=2)
+    chunks = []
+    for row in rows.tolist():
+        number, numbers = int(row[0]), row[1:]
+        if chunks and chunks[-1][1] == number and len(chunks[-1][2]) < CHUNK:
+            chunks[-1][2].append(numbers)
+        else:
+            chunks.append((folder, number, [numbers]))
+    with Pool(PROCESSES) as pool:
+        lines = [line for some in pool.imap(press_all, chunks) for line in some]
+    with open(f"{folder}/pressures.csv", "w", encoding="ascii") as file:
+        file.write("\n".join(lines) + "\n")
