@@ -213,10 +213,10 @@ def press_folder(folder):
         file.write("\n".join(lines) + "\n")
 
 
-# Images (Pa) of the experiment's simulator, with which a test in its `other_worlds/drake.rs` compares
-# them: a sphere of 20 mm at x = 4 mm and y = -2 mm, 1 mm deep, under the 6 x 6 sensor of the
-# dissertation (2.54 mm of covering, 20 kPa at full indentation, a spread of 3.482 mm). The covering
-# ends with the array and loses what would spread beyond, or goes on.
+# Images (Pa) of the experiment's simulator (a test in its `other_worlds/drake.rs` compares them):
+# a sphere of 20 mm at x = 4 mm and y = -2 mm, 1 mm deep, under the 6 x 6 sensor of the dissertation
+# (2.54 mm of covering, 20 kPa at full indentation, a spread of 3.482 mm). The covering ends with
+# the array and loses what would spread beyond, or goes on.
 ENDS = [
     [366.7, 839.2, 1504.5, 2127.1, 2374.4, 2083.0],
     [468.0, 1069.4, 1915.3, 2706.3, 3020.2, 2649.2],
@@ -279,7 +279,8 @@ def check():
     radius, depth, thickness, worst = 20e-3, 1e-3, 2.54e-3, 0.0
     at = RigidTransform([-4e-3, 2e-3, depth - radius])
     for name, cells, expected in [("ends", 12, ENDS), ("beyond", 32, BEYOND)]:
-        press = Press(Covering(thickness, 20e3 / thickness, cells, cells, 1e-3), *sphere(radius, 180))
+        covering = Covering(thickness, 20e3 / thickness, cells, cells, 1e-3)
+        press = Press(covering, *sphere(radius, 180))
         begun = time.perf_counter()
         pressures = press.pressures(at)
         seconds = time.perf_counter() - begun

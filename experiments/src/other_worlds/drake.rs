@@ -56,7 +56,7 @@ impl Drake {
             }
             Err(error) => Err(error).context(format!("cannot run {}", self.python.display())),
             Ok(status) if status.code() == Some(MODULE_MISSING) => {
-                Ok(Some("its module is missing: pip install drake pyyaml numpy".to_owned()))
+                Ok(Some("its module is missing: pip install drake==1.51.1 pyyaml numpy".to_owned()))
             }
             Ok(status) => self.ended(status).map(|()| None),
         }

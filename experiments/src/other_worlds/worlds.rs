@@ -1,10 +1,10 @@
 //! The worlds of `other-worlds`: sensors that differ from their description in one way each, and
-//! two of another make.
+//! some in all ways at once.
 //!
-//! `rig` is a crude array with everything at once: no lateral spread, a covering that ends with
-//! the array, cross-talk, a stiffening skin, uneven gains and noise in proportion to the pressure.
-//! In `drake_beyond` and `drake_ends` the contact is computed by Drake, an engine for simulating
-//! robots (`drake`).
+//! `rig` is a crude array: no lateral spread, nothing felt beyond the array, cross-talk, a
+//! stiffening skin, uneven gains and noise in proportion to the pressure. In `drake_beyond` and
+//! `drake_ends` the contact is computed by Drake, an engine for simulating robots (`drake`): the
+//! covering goes on beyond the array, or ends with it and loses the force that would spread beyond.
 
 use anyhow::{bail, ensure};
 use palpate_core::reading::Reading;
