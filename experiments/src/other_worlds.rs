@@ -4,11 +4,13 @@
 //! Catalogues of the same objects play the same sessions in every world, with known and foreign
 //! objects: trained by the sensor exactly as described, by the family of sensors that one data
 //! sheet may stand for, by the wider family of an unknown sensor, and, for each world and tool
-//! centre, by the sensor that commissioning found there.
+//! centre, by the sensor that commissioning found there. Worlds whose contact another engine
+//! computes are left out without it: rows and the figure `worlds_left_out` say so.
 
-mod commissioned;
+mod drake;
 mod method;
 mod worlds;
+mod commissioned;
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -39,6 +41,7 @@ use crate::report::{Outcome, Progress, Report};
 use crate::stated::auroc;
 use crate::statistics::median;
 use commissioned::Commissioned;
+pub use drake::Drake;
 pub use method::Method;
 use worlds::World;
 
@@ -84,6 +87,10 @@ pub struct OtherWorlds {
         default_value = "as_described,data_sheet,commissioned"
     )]
     pub methods: Vec<Method>,
+    /// The engine of two worlds. It is no part of the figures.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub drake: Drake,
 }
 
 /// A catalogue for all worlds; `None` when each world has its own.
@@ -109,6 +116,10 @@ pub fn run(config: &OtherWorlds, progress: Progress<'_>) -> anyhow::Result<Outco
     let objects = config.objects.load()?;
     let foreign = foreign(config)?;
     let described = SensorDescription::digitacts_6x6();
+    let wanted = worlds::wanted(&described, &config.worlds, &config.drake)?;
+    for (world, reason) in &wanted.left_out {
+        progress(&format!("{world} is left out: {reason}"), 0, 1);
+    }
     let symmetries = objects::symmetries(&objects);
     let mut trained = Vec::new();
     for method in config.methods.iter().copied() {
@@ -120,21 +131,16 @@ pub fn run(config: &OtherWorlds, progress: Progress<'_>) -> anyhow::Result<Outco
         let recogniser = method.knowledge().map(train).transpose()?;
         trained.push(Trained { method, recogniser });
     }
-    let all = worlds::all(&described);
-    let names: Vec<&str> = all.iter().map(|world| world.name).collect();
-    if let Some(unknown) = config.worlds.iter().find(|name| !names.contains(&name.as_str())) {
-        anyhow::bail!("no world is named {unknown}, expected some of {}", names.join(", "));
-    }
-    let is_wanted = |world: &&World| {
-        config.worlds.is_empty() || config.worlds.iter().any(|name| name == world.name)
-    };
-    let wanted: Vec<&World> = all.iter().filter(is_wanted).collect();
     let mut tried = Vec::new();
-    for (done, world) in wanted.iter().enumerate() {
-        progress("worlds", done, wanted.len());
+    for (done, world) in wanted.played.iter().enumerate() {
+        progress("worlds", done, wanted.played.len());
         tried.extend(try_in(config, world, &objects, &foreign, &symmetries, &described, &trained)?);
     }
     let mut report = Report::default();
+    for (world, reason) in &wanted.left_out {
+        report.labelled(&[("world", world), ("left_out", reason)], ());
+    }
+    report.summarise("worlds_left_out", wanted.left_out.len() as f64);
     for one in &tried {
         report_one(&mut report, config, one);
     }
@@ -200,8 +206,11 @@ fn try_in(
     trained: &[Trained],
 ) -> anyhow::Result<Vec<Tried>> {
     let (n, seed) = (config.test_readings, 2 * config.seed + 1);
-    let known = world.sensing.touch_all(objects, n, seed)?;
-    let others = world.sensing.touch_all(foreign, n, seed)?;
+    let known = world.touch_all(&config.drake, objects, n, seed)?;
+    let others = world.touch_all(&config.drake, foreign, n, seed)?;
+    let is_commissioned = trained.iter().any(|one| one.recogniser.is_none());
+    let body = is_commissioned.then(|| commissioned::touches(world, &config.drake, seed));
+    let body = body.transpose()?.unwrap_or_default();
     let none = vec![Symmetry::NONE; foreign.len()];
     let tools = std::iter::once(0.0).chain(config.tool_mm.iter().copied());
     let cases: Vec<(f64, &Trained)> =
@@ -230,7 +239,7 @@ fn try_in(
             let tool = Disturbance::Tool { offset };
             return play(recogniser, described, &known, &others, tool);
         }
-        let sensor = Commissioned::new(described, &world.sensing, offset, seed)?;
+        let sensor = Commissioned::new(described, &body, offset, seed)?;
         let recogniser = train(config, objects, symmetries, &sensor.family())?;
         let (known, others) = (sensor.corrected(&known)?, sensor.corrected(&others)?);
         play(&recogniser, &sensor.measured, &known, &others, Disturbance::None)

@@ -25,6 +25,9 @@ pub struct Sensing {
     pub physics: Physics,
     /// Standard deviation of the taxels' gains about 1; the controllers do not feel it.
     pub gain_spread: f64,
+    /// Standard deviation of each taxel's noise in proportion to its pressure; the controllers do
+    /// not feel it.
+    pub relative_noise: f64,
     /// Row-major indices of dead taxels that are not reported as missing.
     pub dead: Vec<usize>,
     /// Row-major indices of taxels that are known to be missing.
@@ -40,6 +43,7 @@ impl Sensing {
             noise_level: NoiseLevel::NONE,
             physics: Physics::PointSpread,
             gain_spread: 0.0,
+            relative_noise: 0.0,
             dead: Vec::new(),
             missing: Vec::new(),
         }
@@ -67,16 +71,35 @@ impl Sensing {
         n: usize,
         seed: u64,
     ) -> anyhow::Result<Vec<Vec<Reading>>> {
-        let gains = self.gains(seed);
-        let touch = |object: &TestObject| {
+        let touch = |(number, object): (usize, &TestObject)| {
             let simulator = self.simulator(object);
             let config = SamplerConfig::for_simulator(&simulator);
             let mut go_on = |_done: usize, _total: usize| ControlFlow::Continue(());
             let readings = sample(&simulator, SensorId(0), n, seed, &config, &mut go_on)
                 .with_context(|| format!("cannot touch {} {n} times", object.name))?;
-            readings.iter().map(|reading| self.altered(reading, &gains)).collect()
+            self.as_taxels_give(&readings, number, seed)
         };
-        objects.par_iter().map(touch).collect()
+        objects.par_iter().enumerate().map(touch).collect()
+    }
+
+    /// Readings of the simulator, of the object with this number, as the taxels give them: with
+    /// gains, relative noise, dead and missing taxels, all drawn from the seed.
+    ///
+    /// # Errors
+    /// When more taxels are missing than a reading permits.
+    pub fn as_taxels_give(
+        &self,
+        readings: &[Reading],
+        object: usize,
+        seed: u64,
+    ) -> anyhow::Result<Vec<Reading>> {
+        let gains = self.gains(seed);
+        let one = |(index, reading): (usize, &Reading)| {
+            let number = ((object as u64) << 32) | index as u64;
+            let mut stream = Stream::new(seed, Purpose::SensorNoise, number);
+            self.altered(reading, &gains, &mut stream)
+        };
+        readings.iter().enumerate().map(one).collect()
     }
 
     fn gains(&self, seed: u64) -> Vec<f64> {
@@ -85,12 +108,21 @@ impl Sensing {
     }
 
     /// A reading as the taxels give it.
-    fn altered(&self, reading: &Reading, gains: &[f64]) -> anyhow::Result<Reading> {
+    fn altered(
+        &self,
+        reading: &Reading,
+        gains: &[f64],
+        stream: &mut Stream,
+    ) -> anyhow::Result<Reading> {
         let saturation = self.sensor.parameters().saturation;
-        let taxel = |(at, pressure): (usize, &f64)| match at {
-            at if self.missing.contains(&at) => None,
-            at if self.dead.contains(&at) => Some(0.0),
-            at => Some((gains[at] * pressure).min(saturation)),
+        let mut noise = || if self.relative_noise > 0.0 { stream.normal() } else { 0.0 };
+        let taxel = |(at, pressure): (usize, &f64)| {
+            let factor = gains[at] * (1.0 + self.relative_noise * noise()).max(0.0);
+            match at {
+                at if self.missing.contains(&at) => None,
+                at if self.dead.contains(&at) => Some(0.0),
+                _ => Some((factor * pressure).min(saturation)),
+            }
         };
         let pressures: Vec<Option<f64>> =
             reading.image().pressures.iter().enumerate().map(taxel).collect();
@@ -120,5 +152,23 @@ mod tests {
             assert!((is[0] - (gains[0] * was[0]).min(20e3)).abs() < 1e-9);
             assert_eq!(before.session_from_sensor(), after.session_from_sensor());
         }
+    }
+
+    #[test]
+    fn relative_noise_scales_each_pressure_by_itself() {
+        let objects = &generated(&["hammer"], shapes::LARGEST_DIMENSION).unwrap();
+        let plain = Sensing::with(SensorDescription::digitacts_6x6());
+        let noisy = Sensing { relative_noise: 0.02, ..plain.clone() };
+        let [felt, altered] = [&plain, &noisy].map(|s| s.touch_all(objects, 40, 7).unwrap());
+        let mut ratios = Vec::new();
+        for (before, after) in felt[0].iter().zip(&altered[0]) {
+            let pairs = before.image().pressures.iter().zip(&after.image().pressures);
+            ratios.extend(pairs.filter(|(was, _)| **was > 1e3).map(|(was, is)| is / was - 1.0));
+        }
+        let n = ratios.len() as f64;
+        assert!(n > 200.0, "{n}");
+        let deviation = (ratios.iter().map(|ratio| ratio * ratio).sum::<f64>() / n).sqrt();
+        // The deviation of more than 200 numbers is within 5 % of the truth, three times over.
+        assert!((0.017..0.023).contains(&deviation), "{deviation}");
     }
 }

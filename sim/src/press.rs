@@ -242,6 +242,26 @@ impl PressSimulator {
         self.press_at(&self.heights(object_from_sensor, 0.0), 0.0)
     }
 
+    /// The cells of the covering at whose middles a press is sampled: rows (along +y), columns
+    /// (along +x) and side, metres. They are centred on the array and reach as far beyond it as
+    /// [`PressConfig::padding`].
+    #[must_use]
+    pub fn cells(&self) -> (usize, usize, f64) {
+        (self.imaging.rows(), self.imaging.cols(), self.imaging.step())
+    }
+
+    /// The press of an object that indents each cell as given: metres, row-major as in
+    /// [`PressSimulator::cells`]. Indentations may come from another model of contact.
+    ///
+    /// # Panics
+    /// Unless there is an indentation for each cell.
+    #[must_use]
+    pub fn press_of(&self, indentations: &[f64]) -> Press {
+        let (rows, cols, _) = self.cells();
+        assert_eq!(indentations.len(), rows * cols, "each cell has an indentation");
+        self.press_at(&heights::of_indentations(&self.imaging, indentations), 0.0)
+    }
+
     /// The press in free air.
     #[must_use]
     pub fn free_press(&self) -> Press {

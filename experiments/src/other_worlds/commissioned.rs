@@ -18,14 +18,26 @@ use palpate_core::stop::Stop;
 use palpate_sim::press::PressSimulator;
 use palpate_sim::shapes::reference_body;
 
+use super::drake::Drake;
+use super::worlds::World;
 use crate::objects::TestObject;
-use crate::sensing::Sensing;
 
 /// The reference body that is touched: it has no symmetry.
 const BODY: &str = "reference_ridge";
 
 /// Touches of the body.
 const TOUCHES: usize = 20;
+
+/// The reference body as an object.
+fn body() -> anyhow::Result<TestObject> {
+    let mesh = reference_body(BODY).with_context(|| format!("there is no body {BODY}"))?;
+    Ok(TestObject { name: BODY.to_owned(), mesh })
+}
+
+/// Touches of the reference body in a world.
+pub(super) fn touches(world: &World, drake: &Drake, seed: u64) -> anyhow::Result<Vec<Reading>> {
+    Ok(world.touch_all(drake, &[body()?], TOUCHES, seed)?.remove(0))
+}
 
 /// A sensor on a robot, commissioned.
 pub(super) struct Commissioned {
@@ -38,25 +50,22 @@ pub(super) struct Commissioned {
 }
 
 impl Commissioned {
-    /// Touches the reference body at an unknown place, with a tool centre that is wrong by
-    /// `offset` metres in a random direction.
+    /// Commissions by [`touches`] of the reference body at an unknown place, with a tool centre
+    /// that is wrong by `offset` metres in a random direction.
     pub(super) fn new(
         described: &SensorDescription,
-        sensing: &Sensing,
+        touched: &[Reading],
         offset: f64,
         seed: u64,
     ) -> anyhow::Result<Self> {
-        let mesh = reference_body(BODY).with_context(|| format!("there is no body {BODY}"))?;
-        let body = TestObject { name: BODY.to_owned(), mesh };
         let mut stream = Stream::new(seed, Purpose::Commissioning, 0);
         let tool = Pose::from_parts(DQuat::IDENTITY, -offset * stream.direction());
         let mistake = Mistake { tool, ..Mistake::none() };
         let session_from_body =
             Pose::from_parts(stream.rotation(), stream.direction() * stream.uniform(0.2, 0.7));
-        let touched = sensing.touch_all(std::slice::from_ref(&body), TOUCHES, seed)?.remove(0);
         let sent = |reading| mistake.sent(reading, session_from_body, described);
         let touches: Vec<SentTouch> = touched.iter().map(sent).collect();
-        let object = PressSimulator::new(body.mesh, described.clone());
+        let object = PressSimulator::new(body()?.mesh, described.clone());
         let setup = Setup {
             object: &object,
             session_from_object: None,
@@ -94,6 +103,7 @@ impl Commissioned {
 mod tests {
     use super::*;
     use crate::objects::generated;
+    use crate::sensing::Sensing;
     use palpate_core::sensor::{Coupling, SensorParameters};
     use palpate_core::units::MM;
     use palpate_sim::shapes::LARGEST_DIMENSION;
@@ -104,7 +114,8 @@ mod tests {
         let coupling = Coupling { margin: Some(0.0), ..Coupling::default() };
         let built = SensorParameters { coupling, ..described.parameters().clone() };
         let sensing = Sensing::with(SensorDescription::new(built).unwrap());
-        let sensor = Commissioned::new(&described, &sensing, 3.0 * MM, 102).unwrap();
+        let touched = sensing.touch_all(&[body().unwrap()], TOUCHES, 102).unwrap().remove(0);
+        let sensor = Commissioned::new(&described, &touched, 3.0 * MM, 102).unwrap();
         let hammer = generated(&["hammer"], LARGEST_DIMENSION).unwrap();
         let felt = sensing.touch_all(&hammer, 5, 103).unwrap();
         let corrected = sensor.corrected(&felt).unwrap();

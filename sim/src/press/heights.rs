@@ -63,6 +63,27 @@ impl HeightMap {
     }
 }
 
+/// Heights of a surface that indents each sub-sample of the covering as given (metres,
+/// row-major); infinite where an indentation is 0 or less.
+pub(super) fn of_indentations(imaging: &Imaging, indentations: &[f64]) -> HeightMap {
+    let mut heights = flat(imaging, 0.0);
+    let height = |indentation: f64| if indentation > 0.0 { -indentation } else { f64::INFINITY };
+    let seen = heights.z.iter_mut().zip(indentations);
+    seen.for_each(|(z, indentation)| *z = height(*indentation));
+    heights.lowest = heights.lowest_under(imaging.array_half());
+    heights
+}
+
+/// Heights without any surface.
+fn flat(imaging: &Imaging, reach: f64) -> HeightMap {
+    let (cols, rows, step) = (imaging.cols(), imaging.rows(), imaging.step());
+    let middle = |n: usize| -0.5 * (n as f64 - 1.0) * step;
+    let z = vec![f64::INFINITY; cols * rows];
+    let first = (middle(cols), middle(rows));
+    let (lowest, seen_from) = (f64::INFINITY, Pose::IDENTITY);
+    HeightMap { z, cols, first, step, lowest, reach, seen_from }
+}
+
 /// Draws the heights seen from a pose, from the housing's back to `reach` ahead.
 pub(super) fn draw(
     bvh: &Bvh,
@@ -70,12 +91,8 @@ pub(super) fn draw(
     object_from_sensor: Pose,
     reach: f64,
 ) -> HeightMap {
-    let (cols, rows, step) = (imaging.cols(), imaging.rows(), imaging.step());
-    let middle = |n: usize| -0.5 * (n as f64 - 1.0) * step;
-    let first = (middle(cols), middle(rows));
-    let z = vec![f64::INFINITY; cols * rows];
-    let (lowest, seen_from) = (f64::INFINITY, object_from_sensor);
-    let mut heights = HeightMap { z, cols, first, step, lowest, reach, seen_from };
+    let mut heights = HeightMap { seen_from: object_from_sensor, ..flat(imaging, reach) };
+    let (first, rows) = (heights.first, imaging.rows());
     let high = DVec3::new(-first.0, -first.1, reach);
     let near = SensorBox { low: DVec3::new(first.0, first.1, -HOUSING_DEPTH), high };
     let array = imaging.array_half();
@@ -84,16 +101,19 @@ pub(super) fn draw(
     });
     // Only points above the array count for the depth. Corners between samples were counted
     // as they came; the samples are in the drawing.
-    let under_array = heights
-        .points()
-        .filter(|(x, y, _)| x.abs() <= array.0 && y.abs() <= array.1)
-        .map(|(_, _, z)| z)
-        .fold(f64::INFINITY, f64::min);
-    heights.lowest = heights.lowest.min(under_array);
+    heights.lowest = heights.lowest.min(heights.lowest_under(array));
     heights
 }
 
 impl HeightMap {
+    /// The lowest sample within half an array along x and y.
+    fn lowest_under(&self, array_half: (f64, f64)) -> f64 {
+        self.points()
+            .filter(|(x, y, _)| x.abs() <= array_half.0 && y.abs() <= array_half.1)
+            .map(|(_, _, z)| z)
+            .fold(f64::INFINITY, f64::min)
+    }
+
     /// Draws one triangle given in the sensor frame.
     fn add(&mut self, corners: &[DVec3; 3], rows: usize, array: (f64, f64)) {
         let [a, b, c] = *corners;

@@ -61,6 +61,29 @@ fn heights_of_a_sphere_follow_the_formula() {
 }
 
 #[test]
+fn indentations_from_elsewhere_press_as_an_object_does() {
+    // The same sphere: its indentation at the middle of each cell, by the formula.
+    let simulator = PressSimulator::new(sphere(30.0 * MM, 160), SensorDescription::digitacts_6x6());
+    let press = simulator.press(looking_down(29.0 * MM));
+    let (rows, cols, side) = simulator.cells();
+    assert_eq!((rows, cols), (32, 32));
+    let middle = |index: usize| (index as f64 - 15.5) * side;
+    let indentation = |at: usize| {
+        let (x, y) = (middle(at % cols), middle(at / cols));
+        (0.03f64.powi(2) - x * x - y * y).sqrt() - 29.0 * MM
+    };
+    let indentations: Vec<f64> = (0..rows * cols).map(indentation).collect();
+    let given = simulator.press_of(&indentations);
+    assert!((given.max_penetration - press.max_penetration).abs() < 0.03 * MM);
+    for (given, drawn) in displacements(&given).iter().zip(displacements(&press)) {
+        // The mesh lies inside the sphere, as above.
+        assert!((given - drawn).abs() < 0.02 * MM, "{given} for {drawn}");
+    }
+    let free = simulator.press_of(&vec![0.0; rows * cols]);
+    assert!(displacements(&free).iter().all(|d| d.abs() < 1e-15));
+}
+
+#[test]
 fn images_of_deep_presses_are_clamped_to_the_covering() {
     let plate = cuboid(DVec3::new(80.0 * MM, 80.0 * MM, 10.0 * MM));
     let simulator = PressSimulator::new(plate, SensorDescription::digitacts_6x6());
