@@ -6,6 +6,8 @@
 //! normal. Depths are spread over the straight distance between samples and taxels, with the edge
 //! of the covering as in `imaging`. Source: section 2.5.1, for taxels that do not lie on a grid.
 
+use std::ops::Range;
+
 use glam::{DQuat, DVec2, DVec3};
 use palpate_core::pose::Pose;
 use palpate_core::sensor::{CoveringEdge, Layout, SensorDescription, SpreadKernel, Taxel};
@@ -14,8 +16,12 @@ use palpate_core::units::MM;
 use super::HOUSING_DEPTH;
 use super::bvh::Bvh;
 
-/// Largest distance between samples, metres, and largest share of the pitch.
-const STEP: (f64, f64) = (1.0 * MM, 0.34);
+/// Largest distance between samples, as a share of the pitch and of the spread; never below
+/// [`STEP_MIN`]. Chosen: a ball's image on a flat array is then within 5 % of that of `imaging`.
+const STEP: (f64, f64) = (0.5, 0.6);
+
+/// Smallest distance between samples, metres.
+const STEP_MIN: f64 = 0.5 * MM;
 
 /// Standard deviations of the spread within which a sample acts on a taxel.
 const REACH: f64 = 4.0;
@@ -25,7 +31,7 @@ const REACH: f64 = 4.0;
 const BEYOND: f64 = 2.3;
 
 /// How far behind a sample the object is looked for, in thicknesses of the covering.
-const BEHIND: f64 = 2.0;
+const BEHIND: f64 = 1.5;
 
 /// A sample of the covering.
 #[derive(Clone, Copy, Debug)]
@@ -36,10 +42,19 @@ struct Sample {
     on_array: bool,
 }
 
+/// The samples about one taxel, and a ball that holds them.
+#[derive(Clone, Debug)]
+struct Facet {
+    range: Range<usize>,
+    center: DVec3,
+    radius: f64,
+}
+
 /// The sampled covering, and the effect of each sample on each taxel.
 #[derive(Clone, Debug)]
 pub(super) struct Facets {
     samples: Vec<Sample>,
+    facets: Vec<Facet>,
     /// For each taxel the samples that act on it, with their weights.
     weights: Vec<Vec<(u32, f64)>>,
     thickness: f64,
@@ -49,11 +64,13 @@ impl Facets {
     pub(super) fn new(sensor: &SensorDescription, layout: &Layout) -> Self {
         let parameters = sensor.parameters();
         let pitch = layout.grid().pitch;
-        let step = STEP.0.min(STEP.1 * pitch);
+        let step = (STEP.0 * pitch).min(STEP.1 * parameters.point_spread).max(STEP_MIN);
+        // A whole number of samples a pitch, so that none lies on the border of two taxels.
+        let step = pitch / (pitch / step).ceil();
         let beyond = parameters.coupling.margin.unwrap_or(BEYOND * parameters.point_spread);
-        let samples = samples(layout, step, beyond.min(8.0 * pitch));
+        let (samples, facets) = samples(layout, step, beyond.min(8.0 * pitch));
         let weights = weights(sensor, layout, &samples, step);
-        Self { samples, weights, thickness: parameters.covering_thickness }
+        Self { samples, facets, weights, thickness: parameters.covering_thickness }
     }
 
     /// The height of the object's nearest point above the array along +z, metres; infinite when
@@ -77,7 +94,15 @@ impl Facets {
             let far = bvh.first_hit(back, outwards, behind);
             far.map_or(0.0, |far| (behind - far).clamp(0.0, self.thickness))
         };
-        let depths: Vec<f64> = self.samples.iter().map(depth).collect();
+        let mut depths = vec![0.0; self.samples.len()];
+        for facet in &self.facets {
+            let center = object_from_sensor * facet.center;
+            if bvh.is_near_segment(center, center, facet.radius + behind) {
+                for at in facet.range.clone() {
+                    depths[at] = depth(&self.samples[at]);
+                }
+            }
+        }
         let taxel = |weights: &Vec<(u32, f64)>| {
             weights.iter().map(|(sample, weight)| weight * depths[*sample as usize]).sum()
         };
@@ -86,14 +111,18 @@ impl Facets {
 }
 
 /// Samples of a covering that reaches `beyond` metres further than half a pitch from its taxels.
-fn samples(layout: &Layout, step: f64, beyond: f64) -> Vec<Sample> {
+fn samples(layout: &Layout, step: f64, beyond: f64) -> (Vec<Sample>, Vec<Facet>) {
     let half = 0.5 * layout.grid().pitch;
-    let n = ((half + beyond) / step).ceil() as i32;
-    let mut samples = Vec::new();
+    let n_beyond = (beyond / step).ceil() as i32;
+    let n_own = (2.0 * half / step).round() as i32;
+    let place = |index: i32| (f64::from(index) + 0.5) * step - half;
+    let (mut samples, mut facets) = (Vec::new(), Vec::new());
     for (index, taxel) in layout.taxels().iter().enumerate() {
         let turn = DQuat::from_rotation_arc(DVec3::Z, taxel.normal);
-        for (row, col) in (-n..=n).flat_map(|row| (-n..=n).map(move |col| (row, col))) {
-            let off = DVec2::new(f64::from(col), f64::from(row)) * step;
+        let first = samples.len();
+        let all = -n_beyond..n_own + n_beyond;
+        for (row, col) in all.clone().flat_map(|row| all.clone().map(move |col| (row, col))) {
+            let off = DVec2::new(place(col), place(row));
             let away = off.abs().max_element() - half;
             if away > beyond + 1e-9 {
                 continue;
@@ -103,8 +132,12 @@ fn samples(layout: &Layout, step: f64, beyond: f64) -> Vec<Sample> {
                 samples.push(Sample { position, normal, on_array: away <= 1e-9 });
             }
         }
+        let (range, center) = (first..samples.len(), taxel.position);
+        let farthest = |most: f64, sample: &Sample| most.max(sample.position.distance(center));
+        let radius = samples[range.clone()].iter().fold(0.0, farthest);
+        facets.push(Facet { range, center, radius });
     }
-    samples
+    (samples, facets)
 }
 
 /// The place and normal at a distance along the skin from a taxel.
