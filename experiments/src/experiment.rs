@@ -21,6 +21,7 @@ use crate::other_physics::{self, OtherPhysics};
 use crate::other_worlds::{self, OtherWorlds};
 use crate::ppf_peer::{self, PpfPeer};
 use crate::real_contacts::{self, RealContacts};
+use crate::real_edges::{self, RealEdges};
 use crate::real_frames::{self, RealFrames};
 use crate::report::{Outcome, Progress};
 use crate::restart::{self, Restart};
@@ -70,6 +71,8 @@ pub enum Experiment {
     RealFrames(RealFrames),
     /// Points felt by a real hand, against meshes.
     RealContacts(RealContacts),
+    /// Where a cable lies under a real array of pillars, from one touch
+    RealEdges(RealEdges),
     /// Figure 5.2: similarity of touches against their distance.
     Consistency(Consistency),
     /// Section 5.5.1 by surface matching, beside SVA as served and as printed.
@@ -135,6 +138,7 @@ impl Experiment {
             Self::SimToReal(config) => sim_to_real::run(config, progress),
             Self::RealFrames(config) => real_frames::run(config, progress),
             Self::RealContacts(config) => real_contacts::run(config, progress),
+            Self::RealEdges(config) => real_edges::run(config, progress),
             Self::Consistency(config) => consistency::run(config, progress),
             Self::SurfaceObjects(config) => surface_objects::run(config, progress),
             Self::SurfaceScale(config) => surface_scale::run(config, progress),

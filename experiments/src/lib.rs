@@ -40,6 +40,7 @@ pub mod commissioning;
 pub mod perturbation;
 pub mod ppf_peer;
 pub mod real_contacts;
+pub mod real_edges;
 pub mod real_frames;
 pub mod resolution;
 pub mod sim_to_real;

@@ -28,6 +28,9 @@ pub struct Sensing {
     /// Standard deviation of each taxel's noise in proportion to its pressure; the controllers do
     /// not feel it.
     pub relative_noise: f64,
+    /// Standard deviation of the taxels' offsets, as a share of the range; the controllers do not
+    /// feel them.
+    pub offset_spread: f64,
     /// Row-major indices of dead taxels that are not reported as missing.
     pub dead: Vec<usize>,
     /// Row-major indices of taxels that are known to be missing.
@@ -44,6 +47,7 @@ impl Sensing {
             physics: Physics::PointSpread,
             gain_spread: 0.0,
             relative_noise: 0.0,
+            offset_spread: 0.0,
             dead: Vec::new(),
             missing: Vec::new(),
         }
@@ -83,7 +87,7 @@ impl Sensing {
     }
 
     /// Readings of the simulator, of the object with this number, as the taxels give them: with
-    /// gains, relative noise, dead and missing taxels, all drawn from the seed.
+    /// gains, offsets, relative noise, dead and missing taxels, all drawn from the seed.
     ///
     /// # Errors
     /// When more taxels are missing than a reading permits.
@@ -93,35 +97,40 @@ impl Sensing {
         object: usize,
         seed: u64,
     ) -> anyhow::Result<Vec<Reading>> {
-        let gains = self.gains(seed);
+        let taxels = self.taxels(seed);
         let one = |(index, reading): (usize, &Reading)| {
             let number = ((object as u64) << 32) | index as u64;
             let mut stream = Stream::new(seed, Purpose::SensorNoise, number);
-            self.altered(reading, &gains, &mut stream)
+            self.altered(reading, &taxels, &mut stream)
         };
         readings.iter().enumerate().map(one).collect()
     }
 
-    fn gains(&self, seed: u64) -> Vec<f64> {
+    /// Gain and offset (Pa) of each taxel.
+    fn taxels(&self, seed: u64) -> Vec<(f64, f64)> {
         let mut stream = Stream::new(seed, Purpose::TaxelGains, 0);
-        taxel_gains(self.sensor.grid().n_taxels(), self.gain_spread, &mut stream)
+        let gains = taxel_gains(self.sensor.grid().n_taxels(), self.gain_spread, &mut stream);
+        let spread = self.offset_spread * self.sensor.parameters().saturation;
+        let mut offset = || if spread > 0.0 { spread * stream.normal() } else { 0.0 };
+        gains.into_iter().map(|gain| (gain, offset())).collect()
     }
 
     /// A reading as the taxels give it.
     fn altered(
         &self,
         reading: &Reading,
-        gains: &[f64],
+        taxels: &[(f64, f64)],
         stream: &mut Stream,
     ) -> anyhow::Result<Reading> {
         let saturation = self.sensor.parameters().saturation;
         let mut noise = || if self.relative_noise > 0.0 { stream.normal() } else { 0.0 };
         let taxel = |(at, pressure): (usize, &f64)| {
-            let factor = gains[at] * (1.0 + self.relative_noise * noise()).max(0.0);
+            let (gain, offset) = taxels[at];
+            let factor = gain * (1.0 + self.relative_noise * noise()).max(0.0);
             match at {
                 at if self.missing.contains(&at) => None,
                 at if self.dead.contains(&at) => Some(0.0),
-                _ => Some((factor * pressure).min(saturation)),
+                _ => Some((factor * pressure + offset).min(saturation)),
             }
         };
         let pressures: Vec<Option<f64>> =
@@ -142,14 +151,21 @@ mod tests {
     fn dead_missing_and_scaled_taxels_read_as_told() {
         let objects = &generated(&["hammer"], shapes::LARGEST_DIMENSION).unwrap();
         let plain = Sensing::with(SensorDescription::digitacts_6x6());
-        let odd = Sensing { dead: vec![14], missing: vec![21], gain_spread: 0.2, ..plain.clone() };
+        let odd = Sensing {
+            dead: vec![14],
+            missing: vec![21],
+            gain_spread: 0.2,
+            offset_spread: 0.01,
+            ..plain.clone()
+        };
         let [felt, altered] = [&plain, &odd].map(|s| s.touch_all(objects, 20, 7).unwrap());
-        let gains = odd.gains(7);
-        assert!(gains.iter().any(|gain| (gain - 1.0).abs() > 0.1), "{gains:?}");
+        let taxels = odd.taxels(7);
+        assert!(taxels.iter().any(|(gain, _)| (gain - 1.0).abs() > 0.1), "{taxels:?}");
+        assert!(taxels.iter().any(|(_, offset)| offset.abs() > 100.0), "{taxels:?}");
         for (before, after) in felt[0].iter().zip(&altered[0]) {
             let (was, is) = (&before.image().pressures, &after.image().pressures);
             assert!(is[14].abs() < 1e-12 && after.missing()[21] && !after.missing()[14]);
-            assert!((is[0] - (gains[0] * was[0]).min(20e3)).abs() < 1e-9);
+            assert!((is[0] - (taxels[0].0 * was[0] + taxels[0].1).min(20e3)).abs() < 1e-9);
             assert_eq!(before.session_from_sensor(), after.session_from_sensor());
         }
     }
