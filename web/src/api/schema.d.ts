@@ -2281,8 +2281,7 @@ export interface components {
              *     line up to `saturation` at the full thickness of the covering.
              */
             force_curve?: components["schemas"]["ForceKnot"][] | null;
-            /** @description Layout of the taxels. */
-            grid: components["schemas"]["TaxelGrid"];
+            grid?: components["schemas"]["TaxelGrid"] | null;
             /** @description Orientation of the driver's images. Default: that of the sensor frame. */
             image_order?: components["schemas"]["ImageOrder"];
             /**
@@ -2312,6 +2311,12 @@ export interface components {
              * @example 20000
              */
             saturation: number;
+            /**
+             * @description Taxels that are not on a grid, such as those of a curved fingertip, in the order of a reading's
+             *     values. With `grid`, one taxel near each of its places, row by row, or the grid of a
+             *     described sensor's images. Kept in single precision.
+             */
+            taxels?: components["schemas"]["Taxel"][] | null;
         };
         /**
          * @description Descriptor that turns a press into a feature.
@@ -2331,6 +2336,11 @@ export interface components {
              */
             min: number;
         };
+        /**
+         * @description Way in which a layout's values become images.
+         * @enum {string}
+         */
+        Drawing: "as_is" | "on_plane" | "at_contact";
         /** @description The explained answer. */
         ExplainedAnswer: {
             /** @description Name of the object when it was trained. */
@@ -2635,6 +2645,22 @@ export interface components {
          * @enum {string}
          */
         JobState: "queued" | "running" | "succeeded" | "failed" | "cancelled";
+        /** @description What a list of taxels means for images. */
+        Layout: {
+            /** @description Way in which values become images. */
+            drawing: components["schemas"]["Drawing"];
+            /**
+             * Format: double
+             * @description Share of a small contact that the drawing loses, 0 to 1: root mean square over contacts with a
+             *     deviation of one pitch.
+             */
+            drawing_loss: number;
+            /**
+             * Format: double
+             * @description Radius of the skin's curvature in metres; null for a flat layout.
+             */
+            radius?: number | null;
+        };
         /** @description Answer of a live process. */
         Liveness: {
             /** @description Always true. */
@@ -3867,6 +3893,7 @@ export interface components {
              * @description The sensor's id.
              */
             id: string;
+            layout?: components["schemas"]["Layout"] | null;
             /** @description Unique name of the sensor. */
             name: string;
             /**
@@ -3939,7 +3966,7 @@ export interface components {
             covering_thickness: number;
             /** @description Maps blurred displacement to pressure: 2 to 64 rising knots from (0, 0). */
             force_curve: components["schemas"]["ForceKnot"][];
-            /** @description Layout of the taxels. */
+            /** @description Grid of the images, and of the taxels unless they are listed. */
             grid: components["schemas"]["TaxelGrid"];
             /** @description Orientation of the driver's images. Default: that of the sensor frame. */
             image_order?: components["schemas"]["ImageOrder"];
@@ -3968,6 +3995,8 @@ export interface components {
              * @example 20000
              */
             saturation: number;
+            /** @description Taxels that are not exactly on the grid; null if they are. */
+            taxels?: components["schemas"]["Taxel"][] | null;
         };
         /** @description A sensor's health, from the sessions that ended with its readings. */
         SensorHealth: {
@@ -4092,7 +4121,7 @@ export interface components {
          * @description A sensor that the server knows by name.
          * @enum {string}
          */
-        SensorPreset: "digitacts-6x6" | "digitacts-6x6-thin" | "digitacts-6x8" | "fingertip-14x14" | "tekscan-26x26" | "xela-uskin-4x4" | "contactile-papillarray-3x3" | "pps-digitacts-6x4" | "gelsight-mini-18x24" | "digit-16x19";
+        SensorPreset: "digitacts-6x6" | "digitacts-6x6-thin" | "digitacts-6x8" | "fingertip-14x14" | "tekscan-26x26" | "xela-uskin-4x4" | "contactile-papillarray-3x3" | "pps-digitacts-6x4" | "pps-digitacts-6x8" | "gelsight-mini-18x24" | "digit-16x19" | "icub-fingertip-12" | "fingertip-curved-24";
         /**
          * @description What a description of `data_sheet` or `unknown` leaves open: trainings from meshes draw sensors
          *     from these ranges. A range in the request takes the place of the default, which is stated for
@@ -4666,6 +4695,19 @@ export interface components {
          * @enum {string}
          */
         SymmetryBy: "mesh" | "touches" | "undetermined";
+        /** @description One taxel of a layout, in the sensor frame. */
+        Taxel: {
+            /** @description Unit vector out of the covering there. */
+            normal: components["schemas"]["Point"];
+            /** @description Its centre on the covering's free surface, in metres. */
+            position: components["schemas"]["Point"];
+            /**
+             * Format: double
+             * @description Side of its sensing area, in metres.
+             * @example 0.003
+             */
+            width: number;
+        };
         /** @description Response of one taxel. */
         TaxelCalibration: {
             answers?: components["schemas"]["TaxelPlace"] | null;

@@ -27,8 +27,35 @@ export function transform(aFromB: Pose, pointInB: Vector): Vector {
   return [0, 1, 2].map((i) => turned[i]! + aFromB.position[i]!) as Vector;
 }
 
+/** The taxels of a sensor whose values are not in rows and columns; null for any other. */
+export function listedTaxels(sensor: Sensor) {
+  return sensor.layout && sensor.layout.drawing !== "as_is" ? (sensor.description.taxels ?? null) : null;
+}
+
+/** Values of listed taxels seen against +z, about the sensor's origin: places take the nearest taxel within a pitch. */
+function seenFromAbove(sensor: Sensor, sent: (number | null)[]): Image {
+  const taxels = listedTaxels(sensor) ?? [];
+  const { pitch } = sensor.description.grid;
+  const side = (along: "x" | "y") => 2 * Math.ceil(Math.max(0, ...taxels.map((taxel) => Math.abs(taxel.position[along]))) / pitch) + 1;
+  const [rows, cols] = [side("y"), side("x")];
+  const values: (number | null)[] = [];
+  for (let row = 0; row < rows; row += 1) {
+    for (let col = 0; col < cols; col += 1) {
+      const [x, y] = [(col - (cols - 1) / 2) * pitch, (row - (rows - 1) / 2) * pitch];
+      let [nearest, least] = [-1, pitch];
+      taxels.forEach((taxel, index) => {
+        const apart = Math.hypot(taxel.position.x - x, taxel.position.y - y);
+        if (apart < least) [nearest, least] = [index, apart];
+      });
+      values.push(nearest < 0 ? null : (sent[nearest] ?? null));
+    }
+  }
+  return { rows, cols, values };
+}
+
 /** The image in sensor orientation: rows along +y, columns along +x. */
 export function upright(sensor: Sensor, sent: (number | null)[]): Image {
+  if (listedTaxels(sensor)) return seenFromAbove(sensor, sent);
   const { grid, image_order: order } = sensor.description;
   const { rows, cols } = grid;
   const values: (number | null)[] = [];

@@ -6,6 +6,7 @@ import { kPa, mm, plural } from "../format";
 import { Show } from "../parts/Notes";
 import { Badge, Facts, Panel } from "../parts/Panel";
 import { TactileImage } from "../parts/TactileImage";
+import { listedTaxels, upright } from "../scene/vectors";
 
 /** Looks again this often: sessions are counted when they end. */
 const EVERY_MS = 30_000;
@@ -48,11 +49,13 @@ function facts(found: SensorHealth): [string, string][] {
 
 /** The taxels while nothing is touched. */
 function Rest({ rest, sensor }: { rest: NonNullable<SensorHealth["rest"]>; sensor: Sensor }) {
+  // Values of health are in the order of the sensor frame already.
   const { rows, cols } = sensor.description.grid;
+  const image = listedTaxels(sensor) ? upright(sensor, rest.pressures) : { rows, cols, values: rest.pressures };
   const most = Math.max(rest.contact_floor, ...rest.pressures.map((pressure) => pressure ?? 0));
   return (
     <figure class="resting">
-      <TactileImage image={{ rows, cols, values: rest.pressures }} most={most} label={`Taxels without contact, up to ${kPa(most)}`} />
+      <TactileImage image={image} most={most} label={`Taxels without contact, up to ${kPa(most)}`} />
       <figcaption class="faint">Without contact ({plural(rest.n_presses, "press", "presses")}), full scale {kPa(most)}</figcaption>
     </figure>
   );

@@ -3,13 +3,14 @@ import { useMemo } from "preact/hooks";
 import { getJson } from "../api/http";
 import { useResource } from "../api/resource";
 import type { Sensor, SensorCalibration } from "../api/types";
-import { dark, kPa, mm, seriesColor, when } from "../format";
+import { dark, kPa, mm, percent, seriesColor, when } from "../format";
 import { Chart, type Series } from "../parts/Chart";
 import { Show } from "../parts/Notes";
 import { Badge, Facts, Panel, ViewHead } from "../parts/Panel";
 import { CommissionPanel } from "./CommissionPanel";
 import { HealthPanel } from "./HealthPanel";
-import { newestCalibration } from "./SensorsView";
+import { listedTaxels } from "../scene/vectors";
+import { newestCalibration, taxels } from "./SensorsView";
 
 export function SensorView({ id }: { id: string }) {
   const sensor = useResource(`sensor ${id}`, (signal) => getJson<Sensor>(`/v1/sensors/${encodeURIComponent(id)}`, signal));
@@ -17,7 +18,7 @@ export function SensorView({ id }: { id: string }) {
   const calibration = useResource(known ? `calibration ${known.id}` : null, (signal) => newestCalibration(known!, signal));
   return (
     <>
-      <ViewHead title={sensor.data?.name ?? id} sub={sensor.data ? `${sensor.data.description.grid.rows} × ${sensor.data.description.grid.cols} taxels${sensor.data.preset ? `, preset ${sensor.data.preset}` : ""}` : "Sensor"} />
+      <ViewHead title={sensor.data?.name ?? id} sub={sensor.data ? `${taxels(sensor.data)} taxels${sensor.data.preset ? `, preset ${sensor.data.preset}` : ""}` : "Sensor"} />
       <Show of={sensor} what="the sensor" lines={6}>
         {(found) => (
           <div class="grid grid-2">
@@ -25,7 +26,9 @@ export function SensorView({ id }: { id: string }) {
             <Panel title="Calibration" aside={calibration.data && `number ${calibration.data.number}, ${when(calibration.data.created_at)}`}>
               <Show of={calibration} what="the calibration" lines={5}>
                 {(one) =>
-                  one === null ? (
+                  one === null && listedTaxels(found) ? (
+                    <p class="faint">Not calibrated: readings count as the description says.</p>
+                  ) : one === null ? (
                     <p class="faint">
                       Not calibrated: readings count as the description says. Press every taxel with a small indenter and post it
                       with <code>palpate sensors calibrate {found.name} --file indentation.json</code>.
@@ -37,12 +40,27 @@ export function SensorView({ id }: { id: string }) {
               </Show>
             </Panel>
             <HealthPanel sensor={found} />
-            <CommissionPanel sensor={found} onApplied={sensor.reload} />
+            {listedTaxels(found) ? (
+              <Panel title="Commissioning">
+                <p class="faint">Only sensors with rows and columns are commissioned and calibrated. Correct the values of this one in its driver.</p>
+              </Panel>
+            ) : (
+              <CommissionPanel sensor={found} onApplied={sensor.reload} />
+            )}
           </div>
         )}
       </Show>
     </>
   );
+}
+
+/** How a list of taxels becomes an image. */
+function drawing({ layout, description: { grid } }: Sensor): string {
+  if (!layout) return "as sent";
+  const lost = `loses ${percent(layout.drawing_loss)} of a small contact`;
+  if (layout.drawing === "as_is") return `as sent, ${lost}`;
+  const plane = layout.drawing === "at_contact" ? "the plane of the contact" : "the plane of the taxels";
+  return `${grid.rows} × ${grid.cols} on ${plane}, ${lost}`;
 }
 
 function Described({ sensor }: { sensor: Sensor }) {
@@ -57,7 +75,8 @@ function Described({ sensor }: { sensor: Sensor }) {
     <Panel title="Description">
       <Facts
         of={[
-          ["Taxels", `${description.grid.rows} × ${description.grid.cols}`],
+          ["Taxels", taxels(sensor)],
+          ...(sensor.layout ? ([["Image", drawing(sensor)]] as [string, string][]) : []),
           ["Pitch", mm(description.grid.pitch)],
           ["Taxel width", mm(description.grid.taxel_width)],
           ["Covering", mm(description.covering_thickness)],

@@ -7,6 +7,7 @@ import { Commands } from "../parts/Commands";
 import { Empty, Show } from "../parts/Notes";
 import { Badge, Panel, ViewHead } from "../parts/Panel";
 import { link } from "../router";
+import { listedTaxels } from "../scene/vectors";
 import { may } from "../signin";
 
 export function SensorsView() {
@@ -49,6 +50,13 @@ export function SensorsView() {
   );
 }
 
+/** The number of taxels: rows and columns, or how many are listed. */
+export function taxels(sensor: Sensor): string {
+  const { rows, cols } = sensor.description.grid;
+  const listed = listedTaxels(sensor);
+  return listed ? String(listed.length) : `${rows} × ${cols}`;
+}
+
 function Row({ sensor }: { sensor: Sensor }) {
   const { grid, covering_thickness: covering } = sensor.description;
   const calibration = useResource(`calibration ${sensor.id}`, (signal) => newestCalibration(sensor, signal));
@@ -56,7 +64,7 @@ function Row({ sensor }: { sensor: Sensor }) {
   return (
     <tr>
       <th scope="row"><a href={link("sensors", sensor.name)}>{sensor.name}</a></th>
-      <td class="num-left">{grid.rows} × {grid.cols}</td>
+      <td class="num-left">{taxels(sensor)}</td>
       <td class="num">{mm(grid.pitch)}</td>
       <td class="num">{mm(covering)}</td>
       <td>
