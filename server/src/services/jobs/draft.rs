@@ -47,6 +47,7 @@ pub(super) fn draft(
     Draft {
         job: Some(job),
         objects,
+        shared: Vec::new(),
         blocks,
         created_at_ms: now_ms(),
         parameters: serde_json::to_string(&parameters)
