@@ -42,6 +42,7 @@ pub(super) fn draft(
         objects: trained.objects,
         skipped: trained.skipped,
         warnings: trained.warnings,
+        recalibration: None,
     };
     let parameters = VersionParameters { training, report, merged_from: Vec::new() };
     Draft {
