@@ -42,7 +42,8 @@ pub struct RecalibrationReport {
     /// Number of sessions whose readings could not be used, such as those of removed sensors.
     pub n_left_out: u32,
     /// Whether the calibration is better than before on sessions that it does not know: the fall
-    /// of their loss is larger than its standard error. If not, the version did not become current.
+    /// of their loss is at least 0.01 and twice its standard error. If not, the version did not
+    /// become current.
     pub is_better: bool,
     /// Mean fall of the sessions' `log_loss`.
     pub gain: f64,

@@ -37,7 +37,10 @@ const WIDTHS: [f64; 5] = [0.7, 1.0, 1.4, 2.0, 2.8];
 const WIDTH_DEVIATION: f64 = std::f64::consts::LN_2;
 
 /// Number of standard errors by which the loss must fall.
-const ERRORS_MIN: f64 = 1.0;
+const ERRORS_MIN: f64 = 2.0;
+
+/// Least fall of the loss, ln.
+const GAIN_MIN: f64 = 0.01;
 
 /// The order in which the stages are fitted: the temperature of the last one weighs objects in the
 /// others.
@@ -63,10 +66,10 @@ pub struct Recalibration {
 
 impl Recalibration {
     /// Whether sessions that a calibration does not know are judged better than before, by more
-    /// than chance.
+    /// than chance and by more than nothing. Equation R30.
     #[must_use]
     pub fn is_better(&self) -> bool {
-        self.gain > ERRORS_MIN * self.gain_error
+        self.gain > (ERRORS_MIN * self.gain_error).max(GAIN_MIN)
     }
 }
 

@@ -108,7 +108,7 @@ fn words(recalibrated: &Recalibrated) -> String {
 /// Whether it is better, which version is current, and how to change that.
 fn verdict(version: &CatalogueVersion, report: &RecalibrationReport) -> String {
     let (name, new, old) = (&version.catalogue, version.version, report.from_version);
-    let gain = format!("{:.2} ± {:.2} lower", report.gain, report.gain_error);
+    let gain = format!("lower by {:.3} ± {:.3}", report.gain, report.gain_error);
     match (report.is_better, version.is_current) {
         (true, true) => format!(
             "better: log loss {gain} on sessions it does not know. Version {new} is current; undo \
