@@ -115,14 +115,17 @@ impl TrainingProgress {
 
 fn stage_words(job: &Job) -> &'static str {
     match (job.state, job.stage) {
-        (JobState::Queued, _) => "Waiting for other trainings",
+        (JobState::Queued, _) => "Waiting for other jobs",
+        (_, Some(JobStage::Sampling)) if job.recalibration.is_some() => "Reading the sessions",
         (_, Some(JobStage::Sampling)) => "Touching the meshes in simulation",
         (_, Some(JobStage::Vocabulary)) => "Learning the vocabulary of touch",
         (_, Some(JobStage::Mapping)) => "Mapping the objects",
         (_, Some(JobStage::Surface)) => "Learning the surfaces",
         (_, Some(JobStage::Geometric)) => "Learning maps of contact",
         (_, Some(JobStage::Appearance)) => "Learning classes of appearance",
+        (_, Some(JobStage::Replaying)) => "Replaying the sessions",
         (_, Some(JobStage::Storing)) => "Storing the version",
+        (_, None) if job.recalibration.is_some() => "Recalibrating",
         (_, None) => "Training",
     }
 }

@@ -2,7 +2,8 @@
 
 use palpate_schemas::{
     AppearanceReport, Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage,
-    CurrentVersion, Job, JobPage, ObjectMap, PageQuery, SetCurrent, StartTraining,
+    CurrentVersion, Job, JobPage, ObjectMap, PageQuery, RecalibrateCatalogue, SetCurrent,
+    StartTraining,
 };
 use uuid::Uuid;
 
@@ -139,6 +140,19 @@ impl Client {
     ) -> Result<Job, Error> {
         let request = Request::post(["v1", "catalogues", catalogue, "trainings"]).json(training);
         self.send(request).await
+    }
+
+    /// Starts a recalibration from ended sessions, and returns its job.
+    ///
+    /// # Errors
+    /// [`Error`]; status 409 if too few sessions tell what they touched.
+    pub async fn recalibrate(
+        &self,
+        catalogue: &str,
+        recalibration: &RecalibrateCatalogue,
+    ) -> Result<Job, Error> {
+        let path = ["v1", "catalogues", catalogue, "calibrations"];
+        self.send(Request::post(path).json(recalibration)).await
     }
 
     /// Returns a page of the jobs.

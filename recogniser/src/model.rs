@@ -20,6 +20,7 @@ mod pair_cells;
 pub mod pair_geometry;
 pub mod pair_table;
 pub mod patch;
+mod self_match;
 pub mod solid;
 pub mod thinning;
 pub mod voxels;
@@ -32,6 +33,7 @@ pub use map::SurfaceMap;
 pub use patch::SurfacePatch;
 
 use joint_pairs::JointPairs;
+use self_match::SelfMatches;
 
 /// Number of objects from which a catalogue is large and has a joint pair table.
 const JOINT_OBJECTS_MIN: usize = 32;
@@ -41,10 +43,12 @@ const JOINT_OBJECTS_MIN: usize = 32;
 pub struct SurfaceModel {
     /// The space of appearance.
     pub space: AppearanceSpace,
-    /// Calibration that maps evidence to probability.
+    /// Calibration that maps evidence to probability. [`SurfaceModel::with_calibration`] replaces
+    /// it, since self-match scores depend on its width.
     pub calibration: EvidenceCalibration,
     maps: Vec<Arc<SurfaceMap>>,
     joint_pairs: Option<Arc<JointPairs>>,
+    self_matches: Arc<SelfMatches>,
 }
 
 impl SurfaceModel {
@@ -57,13 +61,19 @@ impl SurfaceModel {
     ) -> Self {
         let is_large = maps.len() >= JOINT_OBJECTS_MIN;
         let joint_pairs = is_large.then(|| Arc::new(JointPairs::build(&maps)));
-        Self { space, calibration, maps, joint_pairs }
+        let self_matches = Arc::new(SelfMatches::new(maps.len()));
+        Self { space, calibration, maps, joint_pairs, self_matches }
     }
 
     /// The same model with another calibration.
     #[must_use]
     pub fn with_calibration(self, calibration: EvidenceCalibration) -> Self {
-        Self { calibration, ..self }
+        let is_as_wide = self.calibration.width.total_cmp(&calibration.width).is_eq();
+        let self_matches = match is_as_wide {
+            true => self.self_matches,
+            false => Arc::new(SelfMatches::new(self.maps.len())),
+        };
+        Self { calibration, self_matches, ..self }
     }
 
     /// The same space and calibration with the maps of other objects.
@@ -82,6 +92,13 @@ impl SurfaceModel {
     #[must_use]
     pub fn joint_pairs(&self) -> Option<&JointPairs> {
         self.joint_pairs.as_deref()
+    }
+
+    /// The self-match score (equation R12) of a map by touches that say everything (0), no
+    /// appearance (1), or nothing but their position (2); found by `find` on first use. It must
+    /// follow from the map, the space and the width.
+    pub(crate) fn self_match(&self, map: usize, kind: usize, find: impl FnOnce() -> f32) -> f32 {
+        self.self_matches.score(map, kind, find)
     }
 
     /// Bytes of the maps and of the joint pair table, in memory.

@@ -181,6 +181,24 @@ pub struct SurfaceOptions {
     pub motion: Option<Looseness>,
 }
 
+impl SurfaceOptions {
+    /// The same options for a sensor of another width: the deviations of a touch from the surface
+    /// and of its normal, and of pairs, times a factor above 0. Equation R4b.
+    #[must_use]
+    pub fn widened(mut self, width: f64) -> Self {
+        let width = width as f32;
+        let scaled = [
+            &mut self.scale.across,
+            &mut self.scale.normal,
+            &mut self.refinement.across,
+            &mut self.pairs.distance,
+            &mut self.pair_deviation.distance,
+        ];
+        scaled.into_iter().for_each(|deviation| *deviation *= width);
+        self
+    }
+}
+
 impl Default for SurfaceOptions {
     fn default() -> Self {
         let mm = MM as f32;

@@ -4,9 +4,10 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 use uuid::Uuid;
 
+use crate::recalibration::RecalibrateCatalogue;
 use crate::training::StartTraining;
 
-/// A training job.
+/// A job: a training, or a recalibration.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct Job {
     /// The job's id.
@@ -23,8 +24,11 @@ pub struct Job {
     pub total: u32,
     /// Estimated seconds until the stage is done.
     pub eta_s: Option<f64>,
-    /// The training request, with defaults.
+    /// The training request, with defaults; empty for a recalibration.
     pub training: StartTraining,
+    /// The recalibration request, with defaults; null for a training.
+    #[serde(default)]
+    pub recalibration: Option<RecalibrateCatalogue>,
     /// The version that the job made; null unless it succeeded.
     pub version: Option<u32>,
     /// Why the job failed or was cancelled; null otherwise.
@@ -89,7 +93,7 @@ impl JobState {
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum JobStage {
-    /// Touching meshes in simulation; steps are readings.
+    /// Touching meshes in simulation; steps are readings. For a recalibration: reading the sessions.
     Sampling,
     /// Learning the appearance classes.
     Vocabulary,
@@ -103,6 +107,8 @@ pub enum JobStage {
     /// Learning the appearance classes, then the histograms; steps are the candidates for the
     /// number of classes and the objects.
     Appearance,
+    /// Replaying ended sessions and fitting the calibration; steps are replays.
+    Replaying,
     /// Writing the version.
     Storing,
 }

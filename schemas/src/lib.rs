@@ -30,6 +30,7 @@ pub mod commissioning;
 pub mod session;
 pub mod fleet;
 pub mod storage;
+pub mod recalibration;
 pub mod training;
 pub mod job;
 
@@ -83,6 +84,10 @@ pub use page::PageQuery;
 pub use pose::{Point, Pose};
 pub use problem::{FieldError, Problem, ProblemType};
 pub use reading::{Contact, Looseness, Reading, Stamp};
+pub use recalibration::{
+    RecalibrateCatalogue, RecalibrationReport, RecalibrationSide, RecalibrationStage,
+    RecalibrationStops,
+};
 pub use sensor::{
     CreateSensor, DescribeSensor, ForceKnot, ImageOrder, ReadingCheck, Sensor, SensorDescription,
     SensorPage, SensorPreset, TaxelGrid,

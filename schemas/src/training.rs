@@ -9,6 +9,7 @@ use crate::belief::UncalibratedReason;
 use crate::coupling::SensorKnowledge;
 use crate::descriptor::Descriptor;
 use crate::geometry::{GeometricReport, GeometricTraining, VersionReference};
+use crate::recalibration::RecalibrationReport;
 use crate::symmetry::{SymmetryAxis, SymmetryBy};
 use crate::warning::Warning;
 
@@ -67,11 +68,11 @@ pub struct CatalogueVersion {
     /// When the version was trained.
     #[schema(format = DateTime)]
     pub created_at: String,
-    /// The job that trained the version; null if it was merged.
+    /// The job that trained or recalibrated the version; null if it was merged.
     pub job: Option<Uuid>,
     /// The two versions merged into this one; empty if it was trained.
     pub merged_from: Vec<VersionReference>,
-    /// The training request, with defaults.
+    /// The training request, with defaults; that of the version before for a recalibrated one.
     pub training: StartTraining,
     /// The training report.
     pub report: TrainingReport,
@@ -114,8 +115,8 @@ pub struct TrainingReport {
     /// Probable mistakes in the training as a whole. Those of one object are in its own `warnings`.
     #[serde(default)]
     pub warnings: Vec<Warning>,
-    /// Whether the probabilities of `surface` were calibrated on held-back readings; null without
-    /// surfaces, and for versions trained before this was reported.
+    /// Whether the probabilities of `surface` were calibrated on held-back readings or on ended
+    /// sessions; null without surfaces, and for versions trained before this was reported.
     #[serde(default)]
     pub calibrated: Option<bool>,
     /// Number of objects whose readings the calibration was fitted to; that of the extended
@@ -132,6 +133,9 @@ pub struct TrainingReport {
     /// trained before this was reported, whose meshes were pressed as with `measured`.
     #[serde(default)]
     pub sensor_knowledge: Option<SensorKnowledge>,
+    /// The recalibration that made the version from an earlier one; null if it was trained.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub recalibration: Option<RecalibrationReport>,
 }
 
 /// An object that the training skipped.

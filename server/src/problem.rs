@@ -29,6 +29,7 @@ use crate::services::catalogues::CatalogueError;
 use crate::services::jobs::error::JobError;
 use crate::services::keys::error::{KeyError, KeyFault};
 use crate::services::objects::ObjectError;
+use crate::services::recalibration::RecalibrationError;
 use crate::services::sessions::SessionError;
 use crate::wire::Invalid;
 use crate::wire::object::FormatError;
@@ -320,7 +321,19 @@ fn job(error: &JobError) -> Answer {
         JobError::Finished { .. } => ProblemType::WrongState.into(),
         JobError::QueueFull { waiting } => overloaded("trainings", "trainings", *waiting),
         JobError::Catalogue(error) => catalogue(error),
+        JobError::Recalibration(error) => recalibration(error),
         JobError::Cause(error) => cause(error),
+    }
+}
+
+fn recalibration(error: &RecalibrationError) -> Answer {
+    match error {
+        RecalibrationError::FewSessions { .. }
+        | RecalibrationError::OneTouched { .. }
+        | RecalibrationError::OneObject { .. }
+        | RecalibrationError::NoPart(_)
+        | RecalibrationError::Stopped => ProblemType::WrongState.into(),
+        RecalibrationError::Cause(error) => cause(error),
     }
 }
 

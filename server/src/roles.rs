@@ -90,6 +90,7 @@ pub(crate) const TABLE: &[(&str, Who, Effect)] = &[
     ("get_occupancy_ply", ALL, Reads),
     ("get_current", ALL, Reads),
     ("start_training", TEACHING, Changes),
+    ("recalibrate_catalogue", TEACHING, Changes),
     ("merge_maps", TEACHING, Changes),
     ("set_current", TEACHING, Changes),
     ("delete_catalogue", TEACHING, Changes),

@@ -52,6 +52,7 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(training::list_catalogues))
         .routes(routes!(training::get_catalogue, training::delete_catalogue))
         .routes(routes!(training::start_training))
+        .routes(routes!(training::recalibrate_catalogue))
         .routes(routes!(training::list_versions))
         .routes(routes!(training::get_version, training::delete_version))
         .routes(routes!(training::get_report))

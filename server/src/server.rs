@@ -313,6 +313,7 @@ async fn assemble(
         Arc::clone(&objects),
         Arc::clone(&sensors),
         Arc::clone(&catalogues),
+        pool.clone(),
         &config,
     )?);
     jobs.resume().await.map_err(|error| StartError::Jobs { reason: error.to_string() })?;

@@ -10,6 +10,7 @@ pub(crate) mod objects;
 pub(crate) mod commissionings;
 pub(crate) mod catalogues;
 pub(crate) mod sessions;
+pub(crate) mod recalibration;
 pub(crate) mod training;
 pub(crate) mod jobs;
 pub(crate) mod snapshots;

@@ -26,6 +26,7 @@ pub(crate) mod sensor;
 pub(crate) mod sensor_health;
 pub(crate) mod session;
 pub(crate) mod symmetry;
+pub(crate) mod recalibration;
 pub(crate) mod training;
 
 use palpate_schemas::{FieldError, PageQuery};

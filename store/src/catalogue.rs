@@ -114,7 +114,9 @@ pub struct Draft {
     pub parameters: String,
     /// The objects, in the order of the model's object numbers.
     pub objects: Vec<VersionObject>,
-    /// The blocks: names (unique within the version) and contents.
+    /// The blocks of another version that it shares as they are.
+    pub shared: Vec<BlockEntry>,
+    /// Its own blocks: names (unique within the version) and contents.
     pub blocks: Vec<(String, Vec<u8>)>,
     /// Time of publication.
     pub created_at_ms: u64,
@@ -173,15 +175,17 @@ impl Catalogues {
     }
 
     /// Writes a new version: its blocks, then its manifest. It does not become current. All its
-    /// blocks count to the caller, including those that other versions share.
+    /// blocks count to the caller, including those that other versions share. No version that has
+    /// the draft's shared blocks may be removed meanwhile.
     ///
     /// # Errors
     /// [`StoreError::NotFound`], [`StoreError::Damaged`]; the engine's.
     pub async fn publish(&self, catalogue: Uuid, draft: Draft) -> Result<Manifest, StoreError> {
         self.get(catalogue)?;
-        let bytes = draft.blocks.iter().map(|(_, content)| content.len() as u64).sum();
+        let own: u64 = draft.blocks.iter().map(|(_, content)| content.len() as u64).sum();
+        let bytes = own + draft.shared.iter().map(|block| block.length).sum::<u64>();
         self.engine.check_quota(bytes)?;
-        let mut blocks = Vec::with_capacity(draft.blocks.len());
+        let mut blocks = draft.shared;
         for (name, content) in draft.blocks {
             blocks.push(self.write_block(name, &content).await?);
         }

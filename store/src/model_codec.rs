@@ -8,6 +8,7 @@
 //! objects that were not trained again.
 
 mod appearance;
+mod calibration;
 mod geometry;
 mod part;
 mod reader;
@@ -34,6 +35,7 @@ use writer::{put_counts, put_floats, put_singles};
 use crate::descriptor_code::{DESCRIPTORS, descriptor_code};
 use crate::model::TrainedModel;
 pub use appearance::{APPEARANCE_BLOCK, APPEARANCE_REPORT_BLOCK, appearance_block_name};
+pub use calibration::{CALIBRATION_BLOCK, to_block as calibration_to_block};
 pub use geometry::{GEOMETRY_BLOCK, geometry_block_name};
 pub use part::ModelPart;
 pub use surface::{SURFACE_BLOCK, surface_block_name};
@@ -207,7 +209,7 @@ pub fn model_from_blocks(
                 symmetry: find(&symmetry_block_name(*object)),
             })
         };
-        surface::from_blocks(shared, objects.iter().map(surface))
+        surface::from_blocks(shared, find(CALIBRATION_BLOCK), objects.iter().map(surface))
     });
     let surface = surface.transpose()?.map(Arc::new);
     let sva = Arc::new(SvaModel { vocabulary, association, objects: maps });

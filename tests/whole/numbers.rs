@@ -216,9 +216,9 @@ fn cases(base: &Base, field: &Field) -> Vec<Case> {
     field.bounds.iter().filter_map(with).collect()
 }
 
-/// Whether a case waits for a training.
+/// Whether a case waits for a job.
 fn has_training(path: &str) -> bool {
-    path.ends_with("/trainings") || path == "/v1/sensors"
+    path.ends_with("/trainings") || path.ends_with("/calibrations") || path == "/v1/sensors"
 }
 
 /// All cases, and the fields that no request of the table has.

@@ -1,4 +1,6 @@
-//! `palpate catalogues`: list catalogues and remove unused ones.
+//! `palpate catalogues`: list catalogues, recalibrate one, choose its version, remove unused ones.
+
+pub(super) mod recalibrate;
 
 use clap::{Args, Subcommand};
 use palpate_client::schemas::{Catalogue, PageQuery};
@@ -17,6 +19,18 @@ pub(crate) struct CataloguesArgs {
 enum Action {
     /// List the catalogues.
     List,
+    /// Recalibrate a catalogue from closed sessions whose true object is known.
+    Recalibrate(recalibrate::RecalibrateArgs),
+    /// Make a version current. New sessions use it.
+    #[command(after_help = "Example:\n  palpate catalogues use default 3\n\n\
+        Undoes a training or a recalibration. Running sessions keep their version.")]
+    Use {
+        /// Name of the catalogue.
+        catalogue: String,
+        /// Version to make current.
+        #[arg(value_parser = clap::value_parser!(u32).range(1..))]
+        version: u32,
+    },
     /// Remove a catalogue or one version. Refused while something uses it.
     #[command(after_help = "Examples:\n  palpate catalogues remove letters\n  \
         palpate catalogues remove default --version 3\n\n\
@@ -37,6 +51,14 @@ pub(crate) async fn run(args: CataloguesArgs, context: &Context) -> anyhow::Resu
         Action::List => {
             let page = client.catalogues(&PageQuery { limit: Some(1000), cursor: None }).await?;
             output.answer(&page, |page| table(&page.items))
+        }
+        Action::Recalibrate(args) => recalibrate::run(args, context).await,
+        Action::Use { catalogue, version } => {
+            let now = client.current_version(&catalogue).await?;
+            let current = client.set_current_version(&catalogue, version, now.revision).await?;
+            output.answer(&current, |current| {
+                format!("version {} of {catalogue} is current now", current.version)
+            })
         }
         Action::Remove { catalogue, version: Some(version) } => {
             client.delete_version(&catalogue, version).await?;

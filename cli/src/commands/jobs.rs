@@ -1,10 +1,10 @@
-//! `palpate jobs`: training jobs, from this client or others.
+//! `palpate jobs`: trainings and recalibrations, from this client or others.
 
 use clap::{Args, Subcommand};
 use palpate_client::schemas::{Job, PageQuery};
 use uuid::Uuid;
 
-use super::{Context, train};
+use super::{Context, catalogues, train};
 use crate::output;
 
 /// Arguments of `palpate jobs`.
@@ -52,7 +52,13 @@ pub(crate) async fn run(args: JobsArgs, context: &Context) -> anyhow::Result<()>
             let job = client.job(job).await?;
             output.answer(&job, |job| table(std::slice::from_ref(job)))
         }
-        Action::Follow { job } => train::wait(&client.job(job).await?, context).await,
+        Action::Follow { job } => {
+            let job = client.job(job).await?;
+            match job.recalibration {
+                Some(_) => catalogues::recalibrate::wait(&job, context).await,
+                None => train::wait(&job, context).await,
+            }
+        }
         Action::Cancel { job } => {
             let job = client.cancel_job(job).await?;
             output.answer(&job, |job| table(std::slice::from_ref(job)))

@@ -255,7 +255,7 @@ fn knowledge_words(report: &TrainingReport) -> String {
 fn calibration_words(report: &TrainingReport) -> String {
     match (report.calibrated, report.uncalibrated_reason) {
         (Some(true), _) => format!(
-            "\nprobabilities calibrated on held-back readings of {} objects",
+            "\nprobabilities calibrated on other readings of {} objects",
             report.calibrated_on
         ),
         (_, Some(reason)) => format!("\n{}", calibrated::note(reason)),

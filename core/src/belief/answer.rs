@@ -51,13 +51,13 @@ impl Answer {
     }
 
     /// The risk that the most probable answer, an object or "none of these", is wrong, if the
-    /// client stops as soon as it is low enough. `default_prior` is the prior of "none of
-    /// these" if the session did not state one: the risk then allows for up to half of the
-    /// objects being unknown.
+    /// client stops as soon as it is low enough, by a stop rule. `default_prior` is the prior of
+    /// "none of these" if the session did not state one: the risk then allows for up to half of
+    /// the objects being unknown.
     #[must_use]
-    pub fn risk(&self, default_prior: Option<f64>) -> f64 {
+    pub fn risk(&self, default_prior: Option<f64>, rule: StopRule) -> f64 {
         let known = self.probabilities.iter().copied().fold(0.0, f64::max);
-        stopping_risk(assured(known, self.unknown, default_prior))
+        rule.risk(assured(known, self.unknown, default_prior))
     }
 }
 
@@ -74,14 +74,39 @@ pub fn assured(known: f64, unknown: f64, default_prior: Option<f64>) -> f64 {
     known / (1.0 - unknown + unknown * more)
 }
 
-/// The risk that an answer with probability `p` is wrong when it is the first one above a
-/// threshold: stopping selects sessions that are confident too early, the more so the higher
-/// the threshold. 0.2 (1 − p)^0.45, never less than 1 − p: fitted on 2,400 sessions, half of
-/// unknown objects (`palpate experiment unknown`, seed 101).
+/// Excess and exponent of the stop rule: fitted on 2,400 sessions, half of unknown objects
+/// (`palpate experiment unknown`, seed 101).
+const EXCESS: f64 = 0.2;
+const EXPONENT: f64 = 0.45;
+
+/// How far the first answer that looks sure enough is overrated: stopping selects sessions that
+/// are confident too early, the more so the higher the threshold.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StopRule {
+    /// Risk per (1 − p)^0.45; above 0.
+    pub excess: f64,
+}
+
+impl Default for StopRule {
+    fn default() -> Self {
+        Self { excess: EXCESS }
+    }
+}
+
+impl StopRule {
+    /// The risk that an answer with probability `p` is wrong when it is the first one above a
+    /// threshold: excess (1 − p)^0.45, never less than 1 − p.
+    #[must_use]
+    pub fn risk(self, p: f64) -> f64 {
+        let doubt = (1.0 - p).max(0.0);
+        (self.excess * doubt.powf(EXPONENT)).max(doubt)
+    }
+}
+
+/// The risk by the default stop rule.
 #[must_use]
 pub fn stopping_risk(p: f64) -> f64 {
-    let doubt = (1.0 - p).max(0.0);
-    (0.2 * doubt.powf(0.45)).max(doubt)
+    StopRule::default().risk(p)
 }
 
 /// One cluster of likely poses of one object.

@@ -40,6 +40,7 @@ impl Common {
         prior: Option<&[f64]>,
     ) -> Result<Self, MismatchError> {
         let log_objects = log_prior(prior, model.maps().len())?;
+        let options = options.widened(model.calibration.width);
         Ok(Self {
             kernel: Kernel::new(&options),
             prior: Prior { log_objects, unknown: options.unknown },
@@ -74,7 +75,7 @@ impl Common {
     pub(super) fn self_match(&self, object: usize, says: Says) -> f64 {
         let (map, space) = (&self.model.maps()[object], &self.model.space);
         let find = || null_model::self_match(map, space, &self.kernel, &self.options, says);
-        f64::from(map.self_match(says as usize, find))
+        f64::from(self.model.self_match(object, says as usize, find))
     }
 
     /// What touches that lack appearance, or a normal too, lose under an object (ln): `lacking`

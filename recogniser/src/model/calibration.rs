@@ -1,15 +1,23 @@
-//! Calibration of evidence: map from ln evidence to probability (equations R13 and R18).
+//! Calibration of a model: map from ln evidence to probability (equations R13 and R18), the stop
+//! rule (R24) and the width of the sensor (R4b).
+
+use palpate_core::belief::answer::StopRule;
 
 /// Temperature, b and c of each stage of the default calibration. 7.24 is 13, fitted when each of
 /// ten objects weighed 1 instead of a tenth, less 2.5 ln 10.
 const DEFAULT_STAGES: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [1.2, 0.0, 0.0], [2.5, 7.24, 8.5]];
 
-/// Map from ln evidence to probability after one, two, and three or more touches, since the
-/// evidence of these stages differs in kind (equation R17).
+/// What a model's beliefs are calibrated by. Evidence after one, two, and three or more touches
+/// differs in kind (equation R17), so each stage has a map of its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EvidenceCalibration {
     /// Stages after one, two, and three or more touches.
     pub stages: [EvidenceStage; 3],
+    /// The width of the sensor: factor of the usual deviations of a touch (equation R4b). 1 unless
+    /// it was fitted to sessions.
+    pub width: f64,
+    /// The stop rule of sessions.
+    pub stop: StopRule,
     /// The data it was learnt on.
     pub basis: CalibrationBasis,
 }
@@ -20,6 +28,13 @@ pub enum CalibrationBasis {
     /// Readings held back from training.
     HeldBack {
         /// Number of objects with such readings; 0 for an old version that does not record it.
+        objects: usize,
+    },
+    /// Sessions whose true object is known.
+    Sessions {
+        /// Number of sessions.
+        sessions: usize,
+        /// Number of objects of the catalogue that they touched.
         objects: usize,
     },
     /// No data: a single object leaves no touches of an unknown object.
@@ -55,6 +70,7 @@ impl Default for EvidenceCalibration {
         let stages = DEFAULT_STAGES.map(|[temperature, unknown, unknown_per_touch]| {
             EvidenceStage { temperature, unknown, unknown_per_touch }
         });
-        Self { stages, basis: CalibrationBasis::FewReadings }
+        let (width, stop, basis) = (1.0, StopRule::default(), CalibrationBasis::FewReadings);
+        Self { stages, width, stop, basis }
     }
 }

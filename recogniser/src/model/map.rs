@@ -1,7 +1,5 @@
 //! The map of one object: patches of its surface, with the tables that look them up.
 
-use std::sync::OnceLock;
-
 use glam::{DVec3, Vec3};
 
 use super::bend::bends;
@@ -65,18 +63,6 @@ pub struct SurfaceMap {
     solid: Solid,
     pairs: PairTable,
     symmetry: Symmetry,
-    self_match: [Memo; 3],
-}
-
-/// A number that follows from the map and its appearance space, computed when first needed; it
-/// is ignored when maps are compared.
-#[derive(Clone, Debug, Default)]
-struct Memo(OnceLock<f32>);
-
-impl PartialEq for Memo {
-    fn eq(&self, _: &Self) -> bool {
-        true
-    }
 }
 
 impl SurfaceMap {
@@ -112,7 +98,6 @@ impl SurfaceMap {
             solid,
             pairs,
             symmetry: Symmetry::NONE,
-            self_match: Default::default(),
         }
     }
 
@@ -186,13 +171,6 @@ impl SurfaceMap {
     #[must_use]
     pub fn pairs(&self) -> &PairTable {
         &self.pairs
-    }
-
-    /// The self-match score of the map (equation R12) by touches that say everything (0), no
-    /// appearance (1), or nothing but their position (2); computed by `find` on first use. It must
-    /// follow from the map and its appearance space.
-    pub(crate) fn self_match(&self, of: usize, find: impl FnOnce() -> f32) -> f32 {
-        *self.self_match[of].0.get_or_init(find)
     }
 
     /// Bytes in memory.

@@ -91,9 +91,11 @@ pub(crate) fn lack(
 /// Computes the self-match scores of all objects, in parallel, for beliefs with these options.
 /// Without it the first session that needs them waits.
 pub(crate) fn prepare(model: &SurfaceModel, options: &SurfaceOptions) {
+    let options = &options.widened(model.calibration.width);
     let kernel = Kernel::new(options);
-    model.maps().par_iter().for_each(|map| {
-        map.self_match(0, || self_match(map, &model.space, &kernel, options, Says::All));
+    model.maps().par_iter().enumerate().for_each(|(index, map)| {
+        let find = || self_match(map, &model.space, &kernel, options, Says::All);
+        model.self_match(index, Says::All as usize, find);
     });
 }
 
@@ -138,7 +140,8 @@ pub(crate) fn self_match(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_support::{map_of, places, space};
+    use crate::model::EvidenceCalibration;
+    use crate::test_support::{map_of, model_of, places, space};
 
     #[test]
     fn the_excess_is_weighed_by_the_evidence() {
@@ -175,9 +178,17 @@ mod tests {
         // A single patch has no other: only the share of outliers, 1 %, remains.
         assert!((score(1) - 0.01f32.ln()).abs() < 1e-5);
         assert!((6.0..14.0).contains(&score(500)), "{}", score(500));
-        let map = map_of(&places(20, 0));
-        let [first, second] = [3.0, 4.0].map(|score| map.self_match(0, || score));
+    }
+
+    #[test]
+    fn a_score_is_found_once_for_each_width() {
+        let model = model_of(&[places(20, 0)]);
+        let [first, second] = [3.0, 4.0].map(|score| model.self_match(0, 0, || score));
         assert!((first - second).abs() < 1e-9, "found once");
-        assert_eq!(map, map_of(&places(20, 0)), "knowing it is no difference");
+        let wider = EvidenceCalibration { width: 2.0, ..model.calibration };
+        let wider = SurfaceModel::clone(&model).with_calibration(wider);
+        assert!((wider.self_match(0, 0, || 4.0) - 4.0).abs() < 1e-9);
+        let alike = model_of(&[places(20, 0)]);
+        assert_eq!(model, alike, "knowing it is no difference");
     }
 }

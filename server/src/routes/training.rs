@@ -6,7 +6,8 @@ use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use palpate_schemas::{
     AppearanceReport, Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage,
-    CurrentVersion, Job, ObjectMap, PageQuery, Problem, SetCurrent, StartTraining, TrainingReport,
+    CurrentVersion, Job, ObjectMap, PageQuery, Problem, RecalibrateCatalogue, SetCurrent,
+    StartTraining, TrainingReport,
 };
 
 use crate::app::App;
@@ -54,9 +55,32 @@ pub(crate) async fn start_training(
     Segments(name): Segments,
     JsonBody(request): JsonBody<StartTraining>,
 ) -> Result<Response, Refusal> {
-    let job = app.jobs.start(&name, &request).await?;
+    Ok(accepted(app.jobs.start(&name, &request).await?))
+}
+
+/// Recalibrate a version
+///
+/// Fits "none of these", the width of the sensor and the stop rule to ended sessions whose true
+/// object is known. Returns a job at once. Its version has every part of the one before, and another
+/// calibration; `recalibration` in its report compares both on sessions that the calibration does
+/// not know. It becomes current if it is better. Running sessions keep their version. To undo
+/// it, make the version before current again. 409 if too few sessions tell what they touched.
+#[utoipa::path(post, path = "/v1/catalogues/{name}/calibrations",
+    operation_id = "recalibrate_catalogue", tag = "training", request_body = RecalibrateCatalogue,
+    params(("name" = String, Path, description = "The catalogue's name, such as `default`")),
+    responses((status = 202, description = "The job that recalibrates it", body = Job), Conflict))]
+pub(crate) async fn recalibrate_catalogue(
+    State(app): State<App>,
+    Segments(name): Segments,
+    JsonBody(request): JsonBody<RecalibrateCatalogue>,
+) -> Result<Response, Refusal> {
+    Ok(accepted(app.jobs.start_recalibration(&name, request).await?))
+}
+
+/// The answer to a request that began a job.
+fn accepted(job: Job) -> Response {
     let location = [(header::LOCATION, format!("/v1/jobs/{}", job.id))];
-    Ok((StatusCode::ACCEPTED, location, Json(job)).into_response())
+    (StatusCode::ACCEPTED, location, Json(job)).into_response()
 }
 
 /// Delete a catalogue
@@ -104,7 +128,8 @@ pub(crate) async fn get_version(
 /// Delete a version
 ///
 /// Deletes the parts of its model that no other version shares. The number is not reused. 409 while
-/// the version is current, a stored session uses it, or an unfinished job extends it.
+/// the version is current, a stored session uses it, or an unfinished job extends or
+/// recalibrates it.
 #[utoipa::path(delete, path = "/v1/catalogues/{name}/versions/{version}",
     operation_id = "delete_version", tag = "training",
     params(("name" = String, Path, description = "The catalogue's name"),

@@ -294,6 +294,31 @@ impl Catalogues {
         Ok(manifest.version)
     }
 
+    /// Stores a version that shares the blocks of version `before`, and on request makes it current,
+    /// unless another one than that is current by then.
+    pub(crate) async fn publish_recalibrated(
+        &self,
+        catalogue: Uuid,
+        before: u32,
+        draft: Draft,
+        activate: bool,
+    ) -> Result<u32, CatalogueError> {
+        let _publishing = self.publishing.lock().await;
+        let catalogue = self.table.get(catalogue)?;
+        // Its blocks are there as long as it is.
+        let before = self.manifest(&catalogue, before)?.version;
+        let version = self.table.publish(catalogue.id, draft).await?.version;
+        if activate && catalogue.current == Some(before) {
+            let revision = Some(catalogue.revision);
+            match self.table.switch(catalogue.id, version, revision, now_ms()).await {
+                // Somebody has chosen another version.
+                Ok(_) | Err(StoreError::Changed { .. }) => {}
+                Err(error) => return Err(error.into()),
+            }
+        }
+        Ok(version)
+    }
+
     /// The version made by a job, if any.
     pub(crate) fn made_by(&self, name: &str, job: Uuid) -> Result<Option<u32>, StoreError> {
         let Some(catalogue) = self.table.find_by_name(name)? else { return Ok(None) };

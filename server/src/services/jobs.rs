@@ -1,41 +1,44 @@
-//! Training jobs: run one at a time, in the order of their requests, by a separate worker.
+//! Jobs, which are trainings and recalibrations: run one at a time, in the order of their requests,
+//! by a separate worker.
 //!
 //! Robots in a session therefore do not wait for them. The store has each job's state; the
 //! progress of the running one is in memory and streamed. A job interrupted by a stop of the
-//! server is restarted once; its seed makes it the same training.
+//! server is restarted once; its request makes it the same work.
 
 mod control;
 mod draft;
 mod ending;
 pub(crate) mod error;
 mod plan;
+mod recalibration;
+mod work;
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use control::{CANCEL, Control, OVERDUE, SUSPEND};
 use dashmap::DashMap;
-use draft::draft;
 use ending::Ending;
 use palpate_schemas as wire;
-use palpate_schemas::{JobStage, StartTraining};
+use palpate_schemas::StartTraining;
 use palpate_store::database::Database;
 use palpate_store::engine::EngineError;
 use palpate_store::entity::{Job, JobState};
 use palpate_store::error::StoreError;
-use palpate_store::model_codec::model_to_blocks;
-use tokio::sync::{Notify, oneshot, watch};
+use tokio::sync::{Notify, watch};
 use uuid::Uuid;
 
 use crate::asker;
 use crate::cause::Cause;
 use crate::client::Client;
 use crate::clock::now_ms;
+use crate::compute::Pool;
 use crate::config::Config;
 use crate::services::catalogues::Catalogues;
 use crate::services::objects::Objects;
 use crate::services::sensors::Sensors;
-use crate::services::training::{Plan, Sources, TrainingFailure, train};
+use crate::services::training::TrainingFailure;
+use crate::wire::recalibration::JobRequest;
 use crate::wire::training::job as shown;
 use crate::wire::{self as convert, cursor, page_id, page_length};
 use error::JobError;
@@ -52,6 +55,8 @@ pub(crate) struct Jobs {
     sensors: Arc<Sensors>,
     catalogues: Arc<Catalogues>,
     threads: rayon::ThreadPool,
+    /// For checks of requests that take long.
+    pool: Pool,
     unfinished: DashMap<Uuid, Arc<Control>>,
     wake: Notify,
     starting: tokio::sync::Mutex<()>,
@@ -66,6 +71,7 @@ impl Jobs {
         objects: Arc<Objects>,
         sensors: Arc<Sensors>,
         catalogues: Arc<Catalogues>,
+        pool: Pool,
         config: &Config,
     ) -> Result<Self, rayon::ThreadPoolBuildError> {
         let threads = rayon::ThreadPoolBuilder::new()
@@ -78,6 +84,7 @@ impl Jobs {
             sensors,
             catalogues,
             threads,
+            pool,
             unfinished: DashMap::new(),
             wake: Notify::new(),
             starting: tokio::sync::Mutex::new(()),
@@ -118,6 +125,13 @@ impl Jobs {
         let _using = (self.sensors.using().await, self.catalogues.using().await);
         let training = self.checked(catalogue, request)?;
         let n_objects = training.objects.as_ref().map_or(0, Vec::len);
+        let job = self.queue(catalogue, &JobRequest::Training(Box::new(training))).await?;
+        tracing::info!(job.id = %job.id, "Queued job {} for {n_objects} objects", job.id);
+        Ok(job)
+    }
+
+    /// Queues a checked request; creates its catalogue if it does not exist.
+    async fn queue(&self, catalogue: &str, request: &JobRequest) -> Result<wire::Job, JobError> {
         let _starting = self.starting.lock().await;
         if self.unfinished.len() >= self.queue_max {
             return Err(JobError::QueueFull { waiting: self.unfinished.len() });
@@ -126,7 +140,7 @@ impl Jobs {
         let job = Job {
             id: Uuid::now_v7(),
             catalogue: catalogue.name,
-            request: serde_json::to_string(&training).expect("a checked training can be written"),
+            request: serde_json::to_string(request).expect("a checked request can be written"),
             state: JobState::Queued,
             stage: String::new(),
             done: 0,
@@ -139,7 +153,6 @@ impl Jobs {
             finished_at_ms: None,
         };
         self.store.jobs().create(&job).await?;
-        tracing::info!(job.id = %job.id, "Queued job {} for {n_objects} objects", job.id);
         self.unfinished.insert(job.id, Arc::new(Control::new(shown(&job))));
         self.wake.notify_one();
         Ok(shown(&job))
@@ -297,7 +310,7 @@ impl Jobs {
         let Some(control) = self.control(id) else { return };
         // Records of a training count towards the key that requested it.
         let client = self.store.job_writer(id).ok().flatten().filter(|key| !key.is_nil());
-        let trained = asker::ask(client.map(Client::Key), self.train(&job, &control)).await;
+        let trained = asker::ask(client.map(Client::Key), self.work_on(&job, &control)).await;
         let (state, version, reason) = match trained {
             Ok(version) => (JobState::Succeeded, Some(version), None),
             Err(TrainingFailure::Stopped) if control.is_ordered(SUSPEND) => {
@@ -306,8 +319,9 @@ impl Jobs {
             Err(TrainingFailure::Stopped) if control.is_ordered(OVERDUE) => {
                 let within = self.within.as_secs();
                 let reason = format!(
-                    "it took longer than {within} s, which is what a training may take: train \
-                     fewer objects or readings, or start the server with `--training-max-s`"
+                    "it took longer than {within} s, which is what a job may take: train fewer \
+                     objects or readings, recalibrate by fewer sessions, or start the server with \
+                     `--training-max-s`"
                 );
                 (JobState::Failed, None, Some(reason))
             }
@@ -320,58 +334,6 @@ impl Jobs {
         self.end(ending, &stopping).await;
     }
 
-    async fn train(&self, job: &Job, control: &Arc<Control>) -> Result<u32, TrainingFailure> {
-        let started = Instant::now();
-        let table = self.store.jobs();
-        let marked = table.update(job.id, |now| {
-            if now.state != JobState::Queued {
-                return Err(TrainingFailure::Stopped);
-            }
-            now.state = JobState::Running;
-            now.started_at_ms = Some(now_ms());
-            Ok(())
-        });
-        let job = marked.await??;
-        control.job.send_replace(shown(&job));
-        control.begin(self.within);
-        tracing::info!(job.id = %job.id, "Started job {}", job.id);
-        let training: StartTraining = serde_json::from_str(&job.request).map_err(|error| {
-            Cause::Unusable { what: "job", id: job.id.to_string(), reason: error.to_string() }
-        })?;
-        let plan = self.plan(&job.catalogue, &training).await?;
-        let (trained, blocks) = self.on_threads(plan, Arc::clone(control)).await?;
-        let _ = control.tell(JobStage::Storing, 0, 1);
-        let draft = draft(job.id, training.clone(), trained, blocks, started.elapsed());
-        let activate = training.activate.unwrap_or(true);
-        Ok(self.catalogues.publish(&job.catalogue, draft, activate).await?)
-    }
-
-    /// Trains on the training threads and writes the model's blocks there.
-    async fn on_threads(
-        &self,
-        plan: Plan,
-        control: Arc<Control>,
-    ) -> Result<Outcome, TrainingFailure> {
-        let (answer, answered) = oneshot::channel();
-        let (store, sensors) = (self.store.clone(), Arc::clone(&self.sensors));
-        self.threads.spawn(move || {
-            let sources = Sources { store: &store, sensors: &sensors };
-            let progress = |stage, done, total| control.tell(stage, done, total);
-            let training = std::panic::AssertUnwindSafe(|| {
-                let trained = train(&plan, &sources, &progress)?;
-                let ids: Vec<Uuid> = trained.objects.iter().map(|object| object.id).collect();
-                let blocks = model_to_blocks(&trained.model, &ids);
-                Ok((trained, blocks))
-            });
-            let outcome = std::panic::catch_unwind(training);
-            // The receiver of the answer may close the store.
-            drop((store, sensors));
-            // The receiver is gone when the runtime is.
-            let _ = answer.send(outcome.unwrap_or(Err(Cause::Panicked.into())));
-        });
-        answered.await.unwrap_or(Err(Cause::Panicked.into()))
-    }
-
     /// Notifies the followers of a finished job, and forgets it.
     fn conclude(&self, job: &Job) {
         metrics::counter!("palpate_jobs_total", "state" => format!("{:?}", job.state)).increment(1);
@@ -382,8 +344,6 @@ impl Jobs {
         }
     }
 }
-
-type Outcome = (crate::services::training::Trained, Vec<(String, Vec<u8>)>);
 
 fn finished(job: &Job) -> JobError {
     JobError::Finished { job: job.id, state: convert::training::state(job.state) }

@@ -40,7 +40,7 @@ pub(crate) fn belief(
         n_readings: count(answer.n_readings),
         objects,
         unknown: answer.unknown,
-        stop: stop(session, answer),
+        stop: stop(session, answer, model),
         calibrated: uncalibrated_reason.is_none(),
         uncalibrated_reason,
         entropy_bits: answer.entropy_bits,
@@ -50,10 +50,11 @@ pub(crate) fn belief(
 }
 
 /// The stop advice of a session with a stated risk.
-fn stop(session: &Session, answer: &Answer) -> Option<wire::StopAdvice> {
+fn stop(session: &Session, answer: &Answer, model: &Model) -> Option<wire::StopAdvice> {
     let options = options(session);
     let risk = options.risk?;
-    let found = answer.risk(untold_unknown_prior(&options));
+    let rule = model.core.surface.as_ref().map(|surfaces| surfaces.calibration.stop);
+    let found = answer.risk(untold_unknown_prior(&options), rule.unwrap_or_default());
     Some(wire::StopAdvice { risk, found, reached: found <= risk })
 }
 

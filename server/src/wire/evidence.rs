@@ -6,7 +6,7 @@ use palpate_schemas::{Method, UncalibratedReason};
 /// The reason for which a calibration is missing; `None` when it was learnt.
 pub(crate) fn reason(basis: CalibrationBasis) -> Option<UncalibratedReason> {
     match basis {
-        CalibrationBasis::HeldBack { .. } => None,
+        CalibrationBasis::HeldBack { .. } | CalibrationBasis::Sessions { .. } => None,
         CalibrationBasis::OneObject => Some(UncalibratedReason::OneObject),
         CalibrationBasis::FewReadings => Some(UncalibratedReason::FewReadings),
     }
@@ -34,7 +34,9 @@ pub(crate) fn reason_of(
 /// Number of objects behind a calibration; 0 when there is none or it is unknown.
 pub(crate) fn n_objects(basis: CalibrationBasis) -> usize {
     match basis {
-        CalibrationBasis::HeldBack { objects } => objects,
+        CalibrationBasis::HeldBack { objects } | CalibrationBasis::Sessions { objects, .. } => {
+            objects
+        }
         CalibrationBasis::OneObject | CalibrationBasis::FewReadings => 0,
     }
 }

@@ -14,6 +14,7 @@ use palpate_store::entity as stored;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::wire::recalibration::JobRequest;
 use crate::wire::{INTEGER_MAX, Invalid, count, descriptor, time};
 
 /// Maximum number of switches of the current version in an answer.
@@ -136,6 +137,11 @@ fn patch((patch, class): (&MapPatch, Option<ClassIdx>)) -> wire::MapPatch {
 /// A stored job in its wire form.
 pub(crate) fn job(job: &stored::Job) -> wire::Job {
     let state = state(job.state);
+    let (training, recalibration) = match serde_json::from_str(&job.request) {
+        Ok(JobRequest::Training(training)) => (*training, None),
+        Ok(JobRequest::Recalibration { recalibration }) => (<_>::default(), Some(recalibration)),
+        Err(_) => (StartTraining::default(), None),
+    };
     wire::Job {
         id: job.id,
         catalogue: job.catalogue.clone(),
@@ -146,7 +152,8 @@ pub(crate) fn job(job: &stored::Job) -> wire::Job {
         done: count(job.done),
         total: count(job.total),
         eta_s: None,
-        training: serde_json::from_str(&job.request).unwrap_or_default(),
+        training,
+        recalibration,
         version: job.version,
         reason: job.error.clone().filter(|_| state.is_final()),
         created_at: time(job.created_at_ms),

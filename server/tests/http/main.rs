@@ -32,6 +32,7 @@ mod msgpack;
 mod next_touches;
 mod objects;
 mod order;
+mod recalibration;
 mod removal;
 mod rows;
 mod sensor_health;

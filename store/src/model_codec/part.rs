@@ -1,7 +1,8 @@
 //! Parts of a model, which methods read independently.
 
 use super::{
-    APPEARANCE_BLOCK, APPEARANCE_REPORT_BLOCK, GEOMETRY_BLOCK, SURFACE_BLOCK, VOCABULARY_BLOCK,
+    APPEARANCE_BLOCK, APPEARANCE_REPORT_BLOCK, CALIBRATION_BLOCK, GEOMETRY_BLOCK, SURFACE_BLOCK,
+    VOCABULARY_BLOCK,
 };
 
 /// A part of a model that some methods need and others do not. The vocabulary of pair maps
@@ -30,7 +31,7 @@ impl ModelPart {
             Self::Sva => kind == "map",
             Self::Geometric => kind == GEOMETRY_BLOCK,
             Self::Appearance => kind == APPEARANCE_BLOCK || kind == APPEARANCE_REPORT_BLOCK,
-            Self::Surface => kind == SURFACE_BLOCK || kind == "symmetry",
+            Self::Surface => [SURFACE_BLOCK, CALIBRATION_BLOCK, "symmetry"].contains(&kind),
         }
     }
 
@@ -62,6 +63,7 @@ mod tests {
             (APPEARANCE_REPORT_BLOCK.to_owned(), ModelPart::Appearance),
             (appearance_block_name(object), ModelPart::Appearance),
             (SURFACE_BLOCK.to_owned(), ModelPart::Surface),
+            (CALIBRATION_BLOCK.to_owned(), ModelPart::Surface),
             (surface_block_name(object), ModelPart::Surface),
             (symmetry_block_name(object), ModelPart::Surface),
         ];

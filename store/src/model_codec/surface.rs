@@ -1,7 +1,8 @@
 //! Conversion between trained surfaces and blocks: one shared, and two for each object.
 //!
-//! The shared block holds the appearance space and the calibration of evidence; an object has
-//! one block for its touches and one for its symmetry. The look-up structures (voxels, pairs)
+//! The shared block holds the appearance space and the calibration of evidence; one that was fitted
+//! to sessions is in a block of its own (`calibration`). An object has one block for its touches
+//! and one for its symmetry. The look-up structures (voxels, pairs)
 //! are rebuilt from the touches when a block is read: they are derived, and ten times as
 //! large. Metres, object frames; drawn in `docs/formats.md`.
 
@@ -21,6 +22,7 @@ use palpate_recogniser::model::{
 use rayon::prelude::*;
 use uuid::Uuid;
 
+use super::calibration::{self, CALIBRATION_BLOCK};
 use super::reader::Reader;
 use super::symmetry::{symmetry_block_name, symmetry_from_block, symmetry_to_block};
 use super::writer::{put_counts, put_floats, put_singles};
@@ -58,20 +60,25 @@ pub(super) struct ObjectBlocks<'block> {
 /// The blocks of a catalogue's surfaces. `objects` are the ids of its objects, in its order.
 pub(super) fn to_blocks(model: &SurfaceModel, objects: &[Uuid]) -> Vec<(String, Vec<u8>)> {
     let shared = (SURFACE_BLOCK.to_owned(), shared_to_block(model));
+    let calibration = calibration::to_block(&model.calibration);
+    let calibration = calibration.map(|block| (CALIBRATION_BLOCK.to_owned(), block));
     let maps = objects.iter().zip(model.maps()).flat_map(|(object, map)| {
         let symmetry = (symmetry_block_name(*object), symmetry_to_block(map.symmetry()));
         [(surface_block_name(*object), map_to_block(map)), symmetry]
     });
-    std::iter::once(shared).chain(maps).collect()
+    std::iter::once(shared).chain(calibration).chain(maps).collect()
 }
 
-/// The surfaces of a shared block and the objects' blocks, in the catalogue's order.
+/// The surfaces of a shared block, of the `calibration` that was fitted to sessions if there is
+/// one, and of the objects' blocks, in the catalogue's order.
 pub(super) fn from_blocks<'block>(
     shared: &[u8],
+    calibration: Option<&[u8]>,
     objects: impl Iterator<Item = Result<ObjectBlocks<'block>, CodecError>>,
 ) -> Result<SurfaceModel, CodecError> {
     let blocks: Vec<ObjectBlocks<'_>> = objects.collect::<Result<_, _>>()?;
-    let (space, calibration) = shared_from_block(shared, blocks.len())?;
+    let (space, trained) = shared_from_block(shared, blocks.len())?;
+    let calibration = calibration.map(calibration::from_block).transpose()?.unwrap_or(trained);
     let maps = blocks.par_iter().map(|block| {
         let symmetry = block.symmetry.map(symmetry_from_block).transpose()?;
         let map = map_from_block(block.surface)?;
@@ -82,16 +89,23 @@ pub(super) fn from_blocks<'block>(
 
 fn shared_to_block(model: &SurfaceModel) -> Vec<u8> {
     let (space, grid) = (&model.space, model.space.grid());
+    // A calibration of sessions is in its own block, which replaces that of this one.
+    let calibration = match model.calibration.basis {
+        CalibrationBasis::Sessions { .. } => EvidenceCalibration::default(),
+        CalibrationBasis::HeldBack { .. }
+        | CalibrationBasis::OneObject
+        | CalibrationBasis::FewReadings => model.calibration,
+    };
     let Discriminant { mean, axes } = space.projection();
     let mut block = Vec::new();
     let counts = [grid.rows, grid.cols, mean.len(), axes.len(), space.anywhere().len()].map(count);
     put_counts(&mut block, &[SHARED_FORM]);
     put_counts(&mut block, &counts);
     put_floats(&mut block, &[grid.pitch, grid.taxel_width]);
-    for stage in &model.calibration.stages {
+    for stage in &calibration.stages {
         put_floats(&mut block, &[stage.temperature, stage.unknown, stage.unknown_per_touch]);
     }
-    put_counts(&mut block, &basis_to_counts(model.calibration.basis));
+    put_counts(&mut block, &basis_to_counts(calibration.basis));
     put_floats(&mut block, mean);
     axes.iter().for_each(|axis| put_floats(&mut block, axis));
     block.extend(space.anywhere().iter().flatten().flat_map(|value| value.to_le_bytes()));
@@ -102,7 +116,7 @@ fn basis_to_counts(basis: CalibrationBasis) -> [u32; 2] {
     match basis {
         CalibrationBasis::HeldBack { objects } => [0, count(objects)],
         CalibrationBasis::OneObject => [1, 0],
-        CalibrationBasis::FewReadings => [2, 0],
+        CalibrationBasis::FewReadings | CalibrationBasis::Sessions { .. } => [2, 0],
     }
 }
 
@@ -129,7 +143,8 @@ fn calibration_of_form_1(stages: [EvidenceStage; 3], n_objects: usize) -> Eviden
         ..stage
     };
     let basis = CalibrationBasis::HeldBack { objects: 0 };
-    EvidenceCalibration { stages: stages.map(held_against_mean), basis }
+    let stages = stages.map(held_against_mean);
+    EvidenceCalibration { stages, basis, ..EvidenceCalibration::default() }
 }
 
 fn shared_from_block(
@@ -153,7 +168,10 @@ fn shared_from_block(
     let stages = [stage(0), stage(1), stage(2)];
     let calibration = match form {
         FORM => calibration_of_form_1(stages, n_objects),
-        _ => EvidenceCalibration { stages, basis: basis_from_block(&mut reader)? },
+        _ => {
+            let basis = basis_from_block(&mut reader)?;
+            EvidenceCalibration { stages, basis, ..EvidenceCalibration::default() }
+        }
     };
     let mean = reader.floats("mean", n_values)?;
     let axes = (0..n_axes).map(|_| reader.floats("axes", n_values)).collect::<Result<_, _>>()?;
@@ -284,7 +302,7 @@ pub(super) mod tests {
         let parts = blocks[1..]
             .chunks(2)
             .map(|object| Ok(ObjectBlocks { surface: &object[0].1, symmetry: Some(&object[1].1) }));
-        assert_eq!(from_blocks(&blocks[0].1, parts), Ok(model()));
+        assert_eq!(from_blocks(&blocks[0].1, None, parts), Ok(model()));
     }
 
     #[test]
@@ -293,7 +311,7 @@ pub(super) mod tests {
         let parts = blocks[1..]
             .chunks(2)
             .map(|object| Ok(ObjectBlocks { surface: &object[0].1, symmetry: None }));
-        let found = from_blocks(&blocks[0].1, parts).unwrap();
+        let found = from_blocks(&blocks[0].1, None, parts).unwrap();
         assert_eq!(model().maps()[0].symmetry(), &half_turn());
         assert!(found.maps().iter().all(|map| map.symmetry().is_none()));
     }

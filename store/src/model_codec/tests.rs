@@ -4,6 +4,7 @@ use palpate_core::descriptor::DescriptorKind;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::vocabulary::{Association, ClassIdx};
 use palpate_dissertation::patch::Patch;
+use palpate_recogniser::model::{CalibrationBasis, EvidenceCalibration, SurfaceModel};
 
 use super::*;
 
@@ -51,6 +52,26 @@ fn a_model_is_restored_bit_by_bit() {
     let blocks = model_to_blocks(&model(), &OBJECTS);
     assert_eq!(blocks.len(), 3);
     assert_eq!(model_from_blocks(&blocks, &OBJECTS), Ok(model()));
+}
+
+#[test]
+fn a_calibration_of_sessions_has_a_block_of_its_own() {
+    let trained = surface::tests::model();
+    let basis = CalibrationBasis::Sessions { sessions: 30, objects: 2 };
+    let fitted = EvidenceCalibration { width: 1.4, basis, ..trained.calibration };
+    let recalibrated = trained.clone().with_calibration(fitted);
+    let blocks = |surface: SurfaceModel| {
+        model_to_blocks(&TrainedModel { surface: Some(Arc::new(surface)), ..model() }, &OBJECTS)
+    };
+    let (before, after) = (blocks(trained), blocks(recalibrated));
+    assert!(before.iter().all(|(name, _)| name != CALIBRATION_BLOCK));
+    let own = after.iter().find(|(name, _)| name == CALIBRATION_BLOCK).unwrap();
+    // With the blocks of before, the one block makes the model of after.
+    let both: Vec<_> = before.into_iter().chain([own.clone()]).collect();
+    for blocks in [&after, &both] {
+        let found = model_from_blocks(blocks, &OBJECTS).unwrap().surface.unwrap();
+        assert_eq!(found.calibration, fitted);
+    }
 }
 
 #[test]

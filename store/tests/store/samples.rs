@@ -252,6 +252,7 @@ pub(crate) fn draft(blocks: &[(&str, usize)]) -> Draft {
         job: Some(Uuid::from_u128(40)),
         parameters: r#"{"readings":1000}"#.to_owned(),
         objects: vec![VersionObject { id: Uuid::from_u128(20), name: "mug".to_owned() }],
+        shared: Vec::new(),
         blocks: blocks.iter().map(block).collect(),
         created_at_ms: 1_700_000_000_011,
     }

@@ -61,11 +61,27 @@ pub(crate) async fn set_up(asked: &Asked) {
             asked.must(Method::POST, &path, Some(&readings(catalogue))).await;
         }
     }
+    close_sessions(asked).await;
+}
+
+/// Closes sessions with their true objects, as many as a recalibration needs.
+async fn close_sessions(asked: &Asked) {
+    for (name, touches) in [("hammer", touches("hammer", 3)), ("mug", touches("mug", 3))] {
+        for _ in 0..10 {
+            let session = json!({"catalogue": "solid"});
+            let made = asked.must(Method::POST, "/v1/sessions", Some(&session)).await;
+            let path = format!("/v1/sessions/{}", made["id"].as_str().unwrap());
+            let readings = json!({"readings": touches});
+            asked.must(Method::POST, &format!("{path}/readings"), Some(&readings)).await;
+            let truth = json!({"object": name});
+            asked.must(Method::POST, &format!("{path}/close"), Some(&truth)).await;
+        }
+    }
 }
 
 /// The values of the names in braces in paths.
 pub(crate) async fn placeholders(asked: &Asked) -> Vec<(String, Vec<String>)> {
-    let all = asked.must(Method::GET, "/v1/sessions", None).await;
+    let all = asked.must(Method::GET, "/v1/sessions?state=open", None).await;
     let ids = all["items"].as_array().unwrap().iter();
     let ids: Vec<String> = ids.map(|session| session["id"].as_str().unwrap().to_owned()).collect();
     assert_eq!(ids.len(), sessions().len());
@@ -133,6 +149,7 @@ fn bodies(path: &str) -> Vec<Value> {
             json!({"element_width": 0.002, "force_resolutions": [0.01], "spreads": [0.002]}),
             json!({"element_width": 0.002, "thicknesses": [0.001, 0.002]}),
         ],
+        "/v1/catalogues/{name}/calibrations" => vec![json!({"version": 1, "activate": false})],
         "/v1/catalogues/{name}/current" => vec![json!({"version": 1})],
         "/v1/catalogues/{name}/merges" => {
             vec![json!({"version": 1, "with": {"catalogue": "solid", "version": 1}})]

@@ -126,6 +126,7 @@ impl Catalogues {
             parameters: serde_json::to_string(&parameters)
                 .expect("a report consists of finite numbers and strings"),
             objects: manifest.objects,
+            shared: Vec::new(),
             blocks,
             created_at_ms: now_ms(),
         };

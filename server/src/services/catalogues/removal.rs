@@ -1,16 +1,16 @@
 //! Removal of unneeded versions and catalogues.
 //!
 //! A version is needed while it is current, while a session that began with it is kept (its
-//! belief must be replayable), and while an unfinished training extends it. An operation that
+//! belief must be replayable), and while an unfinished job extends or recalibrates it. An operation that
 //! starts to use a version read-locks `using` from the look-up until its record is stored; a
 //! removal write-locks it, so that no operation starts to need the removed version.
 
-use palpate_schemas::StartTraining;
 use palpate_store::catalogue::Catalogue;
 use palpate_store::entity::{Job, Session};
 
 use super::{CatalogueError, Catalogues, number};
 use crate::cause::Cause;
+use crate::wire::recalibration::JobRequest;
 
 impl Catalogues {
     /// Read-locked while an operation starts to need a version.
@@ -84,12 +84,12 @@ impl Catalogues {
         let trains = |job: &&Job| !job.state.is_final() && job.catalogue == catalogue.name;
         let extends = |job: &&Job| {
             version.is_none_or(|version| {
-                let asked = serde_json::from_str::<StartTraining>(&job.request);
-                asked.is_ok_and(|asked| asked.extend == Some(version))
+                let asked = serde_json::from_str::<JobRequest>(&job.request);
+                asked.is_ok_and(|asked| asked.needs() == Some(version))
             })
         };
         match jobs.iter().filter(trains).find(extends) {
-            Some(job) => needed(format!("job {} trains with it: cancel it first", job.id)),
+            Some(job) => needed(format!("job {} needs it: cancel it first", job.id)),
             None => Ok(()),
         }
     }

@@ -42,11 +42,13 @@ pub(super) fn draft(
         objects: trained.objects,
         skipped: trained.skipped,
         warnings: trained.warnings,
+        recalibration: None,
     };
     let parameters = VersionParameters { training, report, merged_from: Vec::new() };
     Draft {
         job: Some(job),
         objects,
+        shared: Vec::new(),
         blocks,
         created_at_ms: now_ms(),
         parameters: serde_json::to_string(&parameters)

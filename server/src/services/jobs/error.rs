@@ -6,6 +6,7 @@ use uuid::Uuid;
 
 use crate::cause::Cause;
 use crate::services::catalogues::CatalogueError;
+use crate::services::recalibration::RecalibrationError;
 
 /// Error of jobs.
 #[derive(Debug, Error)]
@@ -16,6 +17,8 @@ pub(crate) enum JobError {
     QueueFull { waiting: usize },
     #[error(transparent)]
     Catalogue(#[from] CatalogueError),
+    #[error(transparent)]
+    Recalibration(#[from] RecalibrationError),
     #[error(transparent)]
     Cause(Cause),
 }

@@ -1,4 +1,4 @@
-//! Errors of trainings, in words for the user.
+//! Errors of trainings and recalibrations, in words for the user.
 
 use palpate_core::reading::ReadingError;
 use palpate_core::training::TrainingError;
@@ -16,8 +16,9 @@ use thiserror::Error;
 use crate::cause::Cause;
 use crate::model::NoPart;
 use crate::services::catalogues::CatalogueError;
+use crate::services::recalibration::RecalibrationError;
 
-/// Error of a training.
+/// Error of a training or a recalibration.
 #[derive(Debug, Error)]
 pub(crate) enum TrainingFailure {
     #[error("it was told to stop")]
@@ -83,6 +84,8 @@ pub(crate) enum TrainingFailure {
     #[error(transparent)]
     Maps(#[from] GeometricTrainError),
     #[error(transparent)]
+    Recalibration(RecalibrationError),
+    #[error(transparent)]
     Catalogue(#[from] CatalogueError),
     #[error(transparent)]
     Cause(Cause),
@@ -91,6 +94,15 @@ pub(crate) enum TrainingFailure {
 impl<E: Into<Cause>> From<E> for TrainingFailure {
     fn from(error: E) -> Self {
         Self::Cause(error.into())
+    }
+}
+
+impl From<RecalibrationError> for TrainingFailure {
+    fn from(error: RecalibrationError) -> Self {
+        match error {
+            RecalibrationError::Stopped => Self::Stopped,
+            error => Self::Recalibration(error),
+        }
     }
 }
 
@@ -118,6 +130,7 @@ impl TrainingFailure {
             Self::Stopped
             | Self::NoPart(_)
             | Self::NothingLeft { .. }
+            | Self::Recalibration(_)
             | Self::AppearanceVocabulary(_)
             | Self::Vocabulary(_)
             | Self::Space(_)

@@ -180,14 +180,19 @@ fn calibrated(model: Arc<SurfaceModel>, unseen: &[HeldBack<'_>], seed: u64) -> A
 }
 
 /// The known model with further maps. If none of these has held-out readings, the calibration
-/// stays unchanged: it does not depend on the number of objects.
+/// stays unchanged: it does not depend on the number of objects. It also stays if it was fitted to
+/// sessions, which tell more of the sensor in use than held-out readings.
 fn recalibrated(
     known: &SurfaceModel,
     maps: Vec<Arc<SurfaceMap>>,
     unseen: &[HeldBack<'_>],
     seed: u64,
 ) -> Arc<SurfaceModel> {
-    let model = calibrated(Arc::new(known.with_maps(maps)), unseen, seed);
+    let extended = Arc::new(known.with_maps(maps));
+    if matches!(known.calibration.basis, CalibrationBasis::Sessions { .. }) {
+        return extended;
+    }
+    let model = calibrated(extended, unseen, seed);
     let is_learnt = |basis| matches!(basis, CalibrationBasis::HeldBack { .. });
     if is_learnt(known.calibration.basis) && !is_learnt(model.calibration.basis) {
         return Arc::new(Arc::unwrap_or_clone(model).with_calibration(known.calibration));
