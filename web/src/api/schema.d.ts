@@ -148,6 +148,30 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/catalogues/{name}/calibrations": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Recalibrate a version
+         * @description Fits "none of these", the width of the sensor and the stop rule to ended sessions whose true
+         *     object is known. Returns a job at once. Its version has every part of the one before, and another
+         *     calibration; `recalibration` in its report compares both on sessions that the calibration does
+         *     not know. It becomes current if it is better. Running sessions keep their version. To undo
+         *     it, make the version before current again. 409 if too few sessions tell what they touched.
+         */
+        post: operations["recalibrate_catalogue"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/catalogues/{name}/current": {
         parameters: {
             query?: never;
@@ -249,7 +273,8 @@ export interface paths {
         /**
          * Delete a version
          * @description Deletes the parts of its model that no other version shares. The number is not reused. 409 while
-         *     the version is current, a stored session uses it, or an unfinished job extends it.
+         *     the version is current, a stored session uses it, or an unfinished job extends or
+         *     recalibrates it.
          */
         delete: operations["delete_version"];
         options?: never;
@@ -1771,14 +1796,14 @@ export interface components {
             is_current: boolean;
             /**
              * Format: uuid
-             * @description The job that trained the version; null if it was merged.
+             * @description The job that trained or recalibrated the version; null if it was merged.
              */
             job?: string | null;
             /** @description The two versions merged into this one; empty if it was trained. */
             merged_from: components["schemas"]["VersionReference"][];
             /** @description The training report. */
             report: components["schemas"]["TrainingReport"];
-            /** @description The training request, with defaults. */
+            /** @description The training request, with defaults; that of the version before for a recalibrated one. */
             training: components["schemas"]["StartTraining"];
             /**
              * Format: int32
@@ -2576,7 +2601,7 @@ export interface components {
             /** @description Whether the driver sends columns as rows. */
             transposed?: boolean;
         };
-        /** @description A training job. */
+        /** @description A job: a training, or a recalibration. */
         Job: {
             /** @description Name of the catalogue. */
             catalogue: string;
@@ -2607,6 +2632,7 @@ export interface components {
             id: string;
             /** @description Why the job failed or was cancelled; null otherwise. */
             reason?: string | null;
+            recalibration?: components["schemas"]["RecalibrateCatalogue"] | null;
             stage?: components["schemas"]["JobStage"] | null;
             /**
              * Format: date-time
@@ -2620,7 +2646,7 @@ export interface components {
              * @description Number of steps in this stage; 0 if unknown.
              */
             total: number;
-            /** @description The training request, with defaults. */
+            /** @description The training request, with defaults; empty for a recalibration. */
             training: components["schemas"]["StartTraining"];
             /**
              * Format: int32
@@ -2639,7 +2665,7 @@ export interface components {
          * @description Stage of a running training.
          * @enum {string}
          */
-        JobStage: "sampling" | "vocabulary" | "mapping" | "surface" | "geometric" | "appearance" | "storing";
+        JobStage: "sampling" | "vocabulary" | "mapping" | "surface" | "geometric" | "appearance" | "replaying" | "storing";
         /**
          * @description State of a job.
          * @enum {string}
@@ -3685,6 +3711,178 @@ export interface components {
              *     kind. The readings count nevertheless: retract those that are wrong.
              */
             warnings?: components["schemas"]["Warning"][];
+        };
+        /** @description Request to recalibrate a version from ended sessions whose true object is known. */
+        RecalibrateCatalogue: {
+            /**
+             * @description Whether to make the new version current, if it is better on sessions that its calibration
+             *     does not know and the recalibrated version is still the current one. Default: true.
+             */
+            activate?: boolean | null;
+            /**
+             * @description Id or name of a sensor: only sessions whose first 16 readings are all of this sensor. Default:
+             *     sessions of any sensor.
+             * @example digitacts-6x6
+             */
+            sensor?: string | null;
+            /**
+             * @description Sessions to use: ended ones of this catalogue with the method `surface`, a known truth and at
+             *     least 3 readings. Default: the newest 300 of them.
+             */
+            sessions?: string[] | null;
+            /**
+             * Format: int32
+             * @description Version to recalibrate. Default: the current one.
+             */
+            version?: number | null;
+        };
+        /** @description Report of a recalibration. */
+        RecalibrationReport: {
+            /**
+             * @description The same after. Its figures are those of calibrations fitted to one half of the sessions and
+             *     judged on the other, so that no session is judged by what it was fitted to.
+             */
+            after: components["schemas"]["RecalibrationSide"];
+            /** @description What the calibration says, and what it is worth, before. */
+            before: components["schemas"]["RecalibrationSide"];
+            /**
+             * Format: int32
+             * @description The version that was recalibrated. To undo the recalibration, make it current again.
+             */
+            from_version: number;
+            /**
+             * Format: double
+             * @description Mean fall of the sessions' `log_loss`.
+             */
+            gain: number;
+            /**
+             * Format: double
+             * @description Standard error of `gain`.
+             */
+            gain_error: number;
+            /**
+             * @description Whether the calibration is better than before on sessions that it does not know: the fall
+             *     of their loss is at least 0.01 and twice its standard error. If not, the version did not
+             *     become current.
+             */
+            is_better: boolean;
+            /**
+             * Format: int32
+             * @description Number of those that touched an object of the version.
+             */
+            n_known: number;
+            /**
+             * Format: int32
+             * @description Number of sessions whose readings could not be used, such as those of removed sensors.
+             */
+            n_left_out: number;
+            /**
+             * Format: int32
+             * @description Number of objects that they touched.
+             */
+            n_objects: number;
+            /**
+             * Format: int32
+             * @description Number of sessions used.
+             */
+            n_sessions: number;
+            /**
+             * Format: double
+             * @description Duration of the recalibration, in seconds.
+             */
+            seconds: number;
+        };
+        /** @description A calibration, and its beliefs about ended sessions. */
+        RecalibrationSide: {
+            /**
+             * Format: double
+             * @description Share of sessions of known objects whose last belief named the object.
+             */
+            accuracy: number;
+            /**
+             * Format: double
+             * @description Mean difference between the probability of the likeliest answer and the share of right
+             *     answers with about this probability, for the same prior.
+             */
+            calibration_error: number;
+            /**
+             * Format: double
+             * @description Mean −ln of the probability of the truth after each touch, when "none of these" is as probable
+             *     as all objects together.
+             */
+            log_loss: number;
+            /**
+             * Format: double
+             * @description Width of the sensor: factor of the usual deviations of a touch from the surface. 1 if it was
+             *     never recalibrated.
+             */
+            sensor_width: number;
+            /** @description Temperature and evidence of "none of these" after one touch, two, and three or more. */
+            stages: components["schemas"]["RecalibrationStage"][];
+            /**
+             * Format: double
+             * @description Excess of the stop rule: the risk of a stop is at least this times (1 − p)^0.45.
+             */
+            stop_excess: number;
+            /** @description Stops at risks of 0.05 and 0.01, for the same prior. */
+            stops: components["schemas"]["RecalibrationStops"][];
+            /**
+             * Format: double
+             * @description Mean `unknown` at the end of sessions of known objects.
+             */
+            unknown_of_known: number;
+            /**
+             * Format: double
+             * @description Mean `unknown` at the end of sessions of unknown objects. Sessions of known objects are also
+             *     replayed without their object in the catalogue, and then count here.
+             */
+            unknown_of_unknown: number;
+        };
+        /** @description Calibration after one touch, two, or three or more. */
+        RecalibrationStage: {
+            /**
+             * Format: double
+             * @description Temperature by which evidence is divided.
+             */
+            temperature: number;
+            /**
+             * Format: double
+             * @description Evidence of "none of these" (ln) before any touch.
+             */
+            unknown: number;
+            /**
+             * Format: double
+             * @description Increase of it with every touch.
+             */
+            unknown_per_touch: number;
+        };
+        /** @description What the stop rule did at an accepted risk. */
+        RecalibrationStops: {
+            /**
+             * Format: int32
+             * @description Number of trials that stopped.
+             */
+            n_stopped: number;
+            /**
+             * Format: int32
+             * @description Number of trials: replays with and without the object in the catalogue.
+             */
+            n_trials: number;
+            /**
+             * Format: int32
+             * @description Number of those that stopped with a wrong answer.
+             */
+            n_wrong: number;
+            /**
+             * Format: double
+             * @description The accepted risk.
+             */
+            risk: number;
+            /**
+             * Format: double
+             * @description Mean number of touches until a stop; null without any.
+             */
+            touches?: number | null;
         };
         /** @description The reference bodies. */
         ReferenceBodies: {
@@ -4866,8 +5064,8 @@ export interface components {
         TrainingReport: {
             appearance?: components["schemas"]["AppearanceSummary"] | null;
             /**
-             * @description Whether the probabilities of `surface` were calibrated on held-back readings; null without
-             *     surfaces, and for versions trained before this was reported.
+             * @description Whether the probabilities of `surface` were calibrated on held-back readings or on ended
+             *     sessions; null without surfaces, and for versions trained before this was reported.
              */
             calibrated?: boolean | null;
             /**
@@ -4888,6 +5086,7 @@ export interface components {
             n_classes: number;
             /** @description The objects in the version. */
             objects: components["schemas"]["ObjectReport"][];
+            recalibration?: components["schemas"]["RecalibrationReport"] | null;
             /**
              * Format: double
              * @description Duration of the training, in seconds.
@@ -5725,6 +5924,180 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
+            429: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal error, or the stored data is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
+            503: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The disk is full: nothing was stored */
+            507: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    recalibrate_catalogue: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The catalogue's name, such as `default` */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["RecalibrateCatalogue"];
+            };
+        };
+        responses: {
+            /** @description The job that recalibrates it */
+            202: {
+                headers: {
+                    /** @description The path of the new resource */
+                    location?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Job"];
+                };
+            };
+            /** @description The body cannot be read */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The API key is missing or not valid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the required roles: trainer, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Nothing has this id or name */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The body did not arrive in time */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The request conflicts with the current state, or its name or number is taken */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The content type is not one of those expected */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A value is invalid; `errors` names it */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *       "errors": [
+                     *         {
+                     *           "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *           "pointer": "/readings/0/pose/orientation"
+                     *         }
+                     *       ],
+                     *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 422,
+                     *       "title": "Invalid value",
+                     *       "type": "urn:palpate:problem:invalid-value"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
