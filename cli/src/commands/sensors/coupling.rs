@@ -2,8 +2,8 @@
 
 use clap::Args;
 use palpate_client::schemas::{
-    Coupling, CoveringEdge, CreateSensor, NumberRange, Sensor, SensorKnowledge, SensorPreset,
-    SensorRanges, SpreadKernel,
+    Coupling, CoveringEdge, CreateSensor, Drawing, Layout, NumberRange, Sensor, SensorKnowledge,
+    SensorPreset, SensorRanges, SpreadKernel,
 };
 use palpate_core::sensor as core;
 
@@ -79,13 +79,14 @@ fn of_preset(preset: SensorPreset) -> Coupling {
     }
 }
 
-/// Coupling, knowledge and ranges of a sensor, a line each.
+/// Layout, coupling, knowledge and ranges of a sensor, a line each.
 pub(super) fn words(sensor: &Sensor) -> String {
     let Coupling { kernel, margin, edge, cross_talk, gain_spread, hysteresis } =
         sensor.description.coupling;
     let margin = margin.map_or("far".to_owned(), output::mm);
     let level = sensor.sensor_knowledge;
-    let mut lines = vec![
+    let mut lines: Vec<String> = sensor.layout.iter().map(|it| layout_words(it, sensor)).collect();
+    lines.extend([
         format!(
             "coupling: {} spread of {}, covering {margin} beyond the array ({}), cross-talk {}, \
              gains ± {}, hysteresis {}",
@@ -97,9 +98,22 @@ pub(super) fn words(sensor: &Sensor) -> String {
             percent(hysteresis),
         ),
         format!("knowledge: {} ({})", level.name(), knowledge::meaning(level)),
-    ];
+    ]);
     lines.extend(sensor.description.ranges.as_ref().map(range_words));
     lines.join("\n")
+}
+
+/// How a list of taxels becomes an image.
+fn layout_words(layout: &Layout, sensor: &Sensor) -> String {
+    let grid = &sensor.description.grid;
+    let drawn = match layout.drawing {
+        Drawing::AsIs => "as sent".to_owned(),
+        Drawing::OnPlane => format!("drawn as {} × {} on their plane", grid.rows, grid.cols),
+        Drawing::AtContact => {
+            format!("drawn as {} × {} on the plane that touches the skin", grid.rows, grid.cols)
+        }
+    };
+    format!("images: {drawn}; of a small contact {} are lost", percent(layout.drawing_loss))
 }
 
 fn range_words(ranges: &SensorRanges) -> String {
