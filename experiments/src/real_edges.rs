@@ -239,6 +239,7 @@ fn recall(known: &[Edge], touch: &Edge, neighbours: usize) -> (f64, f64) {
 /// Offset and angle from the centre and the second moments of the pressure.
 fn moments(touch: &Edge, convention: Convention) -> (f64, f64) {
     let image = convention.order.row_major(&touch.shares, SIDE, SIDE);
+    // The preset's distance of pillars.
     let pitch = 7.0 * MM;
     let place = |at: usize| DVec2::new((at % SIDE) as f64 - 1.0, (at / SIDE) as f64 - 1.0) * pitch;
     let center: DVec2 = (0..N).map(|at| image[at] * place(at)).sum();

@@ -126,6 +126,9 @@ impl PressSimulator {
 
     /// A simulator with the given configuration. All taxels have the gain 1;
     /// [`PressSimulator::with_sensor`] draws gains.
+    ///
+    /// # Panics
+    /// For an elastic covering over a list of taxels: its physics needs rows and columns.
     #[must_use]
     pub fn with_config(mesh: Mesh, sensor: SensorDescription, config: PressConfig) -> Self {
         let inside_out = mesh.signed_volume() < 0.0 && mesh.is_watertight();
@@ -135,6 +138,11 @@ impl PressSimulator {
     }
 
     fn of_object(object: Arc<Pressed>, sensor: SensorDescription, config: PressConfig) -> Self {
+        let is_elastic = matches!(config.physics, Physics::ElasticCovering(_));
+        assert!(
+            !is_elastic || sensor.listed().is_none(),
+            "an elastic covering needs rows and columns"
+        );
         let row_major_sensor = in_row_major_order(&sensor);
         let imaging = Imaging::new(&sensor, config.sub_samples, config.padding);
         let (covering, electronics) = match &config.physics {

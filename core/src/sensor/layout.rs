@@ -16,14 +16,14 @@ use crate::units::{MM, Shown};
 /// 4 KiB. A larger skin is several sensors, one for each patch.
 pub const TAXELS_MAX: usize = 80;
 
-/// Largest coordinate of a taxel, metres.
+/// Largest coordinate of a taxel, metres. Chosen: no patch of a skin is larger.
 pub const COORDINATE_MAX: f64 = 500.0 * MM;
 
 /// Smallest distance of two taxels, and the largest distance to the next, metres: the range of a
 /// grid's pitch.
 const DISTANCE: (f64, f64) = (0.05 * MM, 50.0 * MM);
 
-/// Smallest width of a taxel, metres.
+/// Smallest width of a taxel, metres: that of a grid's taxel.
 const WIDTH_MIN: f64 = 0.01 * MM;
 
 /// Largest distance of a taxel from its place in a grid, as a share of the pitch. Chosen: an image
@@ -39,7 +39,7 @@ const FLAT: (f64, f64) = (0.05, 0.1);
 pub(super) const SEEN_COSINE: f64 = 0.5;
 
 /// Largest number of rows and of columns on which a curved layout is drawn; odd, so that the
-/// contact is in the middle.
+/// contact is in the middle. Chosen: seven pitches from it no press is felt.
 const CURVED_SIDE_MAX: usize = 15;
 
 /// One taxel.

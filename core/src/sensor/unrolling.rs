@@ -19,9 +19,11 @@ const CONTACT_SHARE: f64 = 0.5;
 const WEIGHT_DEVIATION: f64 = 0.3;
 
 /// Distance of a place from the nearest taxel beyond which it is not on the skin, in pitches.
+/// Chosen: within a square of four taxels no place is further from one.
 const REACH: f64 = 1.0;
 
-/// Deviation of the contact with which the loss is measured, in pitches.
+/// Deviation of the contact with which the loss is measured, in pitches. Chosen: the smallest that
+/// taxels can show.
 const CONTACT_DEVIATION: f64 = 1.0;
 
 /// A press drawn as an image.

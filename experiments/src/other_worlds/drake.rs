@@ -208,7 +208,7 @@ mod tests {
 
     #[test]
     fn readings_are_the_peers_pressures_at_the_samplers_poses() {
-        // 4 kPa on the 12 × 12 cells of every press, of which there are 2 × 3.
+        // Each of the 2 × 3 presses has 12 × 12 cells at 4 kPa.
         let script = "test $1 = --module && exit 0\n\
             test $(wc -l < $1/poses.csv) = 6 && test -s $1/0.off && test -s $1/1.off \\\n\
             && test $(cut -d, -f4-5 $1/covering.csv) = 12,12 || exit 1\n\

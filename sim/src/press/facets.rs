@@ -20,18 +20,23 @@ use super::bvh::Bvh;
 /// [`STEP_MIN`]. Chosen: a ball's image on a flat array is then within 5 % of that of `imaging`.
 const STEP: (f64, f64) = (0.5, 0.6);
 
-/// Smallest distance between samples, metres.
+/// Smallest distance between samples, metres. Chosen: bounds the work for narrow spreads.
 const STEP_MIN: f64 = 0.5 * MM;
 
-/// Standard deviations of the spread within which a sample acts on a taxel.
+/// Standard deviations of the spread within which a sample acts on a taxel. Chosen: a Gaussian is
+/// e^−8 of its peak there.
 const REACH: f64 = 4.0;
 
 /// Covering drawn beyond the outermost taxels when it has no edge: standard deviations of the
 /// spread, as in `PressConfig::for_sensor`.
 const BEYOND: f64 = 2.3;
 
-/// How far behind a sample the object is looked for, in thicknesses of the covering.
+/// How far behind a sample the object is looked for, in thicknesses of the covering. Chosen: beyond
+/// the deepest press, and within a finger.
 const BEHIND: f64 = 1.5;
+
+/// Largest extent of the covering beyond the outermost taxels, in pitches. Chosen: bounds the work.
+const BEYOND_MAX: f64 = 8.0;
 
 /// A sample of the covering.
 #[derive(Clone, Copy, Debug)]
@@ -68,7 +73,7 @@ impl Facets {
         // A whole number of samples a pitch, so that none lies on the border of two taxels.
         let step = pitch / (pitch / step).ceil();
         let beyond = parameters.coupling.margin.unwrap_or(BEYOND * parameters.point_spread);
-        let (samples, facets) = samples(layout, step, beyond.min(8.0 * pitch));
+        let (samples, facets) = samples(layout, step, beyond.min(BEYOND_MAX * pitch));
         let weights = weights(sensor, layout, &samples, step);
         Self { samples, facets, weights, thickness: parameters.covering_thickness }
     }
@@ -181,7 +186,7 @@ fn weights(
             SpreadKernel::Exponential => (-std::f64::consts::SQRT_2 * distance / deviation).exp(),
         }
     };
-    // What an unbounded flat covering of such samples would sum to.
+    // The sum of the weights over a flat covering without an edge.
     let whole = |width: f64| {
         let n = (REACH * sigma / step).ceil() as i32;
         let all = (-n..=n).flat_map(|row| (-n..=n).map(move |col| (row, col)));

@@ -68,8 +68,9 @@ impl<'a> Truths<'a> {
     }
 }
 
-/// The sessions of a recalibration, oldest first: the named ones, each of which must tell
-/// something, or the newest [`SESSIONS_MAX`] that do. Heeds `stop`; blocks.
+/// Chooses the sessions of a recalibration, oldest first. Named sessions must each have a usable
+/// truth; without names, the newest [`SESSIONS_MAX`] that have one are taken. Blocks the thread;
+/// ends early when `stop` asks.
 pub(crate) fn choose(
     target: &Target,
     request: &RecalibrateCatalogue,
