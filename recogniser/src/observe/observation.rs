@@ -138,6 +138,11 @@ impl Observation {
         }
     }
 
+    /// The same with another direction of stretch.
+    pub(crate) fn stretched_along(&self, direction: Vec3) -> Self {
+        Self { direction, ..self.clone() }
+    }
+
     /// Its position if the sensor is `tool` (sensor frame, metres) beside its stated place.
     #[inline]
     pub(crate) fn position_with(&self, tool: Vec3) -> Vec3 {
