@@ -49,6 +49,7 @@ pub struct Reading {
     missing: Vec<bool>,
     approach: f64,
     base: Option<Base>,
+    looseness: f64,
     drawn_from: Option<Box<Drawn>>,
 }
 
@@ -165,7 +166,9 @@ impl Reading {
                 passport.image(&lined, description.grid())
             }
         };
-        Self::filled(sensor, description, &ordered, correction.pose(sent))
+        let looseness = correction.passport.as_ref().map_or(0.0, |passport| passport.looseness);
+        let read = Self::filled(sensor, description, &ordered, correction.pose(sent))?;
+        Ok(read.with_looseness(looseness))
     }
 
     fn filled(
@@ -191,8 +194,16 @@ impl Reading {
             let sensor_from_image = drawn.sensor_from_image;
             Box::new(Drawn { values: ordered.to_vec(), sensor_from_image })
         });
-        let (approach, base) = (0.0, None);
-        Ok(Self { sensor, session_from_sensor, image, missing, approach, base, drawn_from })
+        Ok(Self {
+            sensor,
+            session_from_sensor,
+            image,
+            missing,
+            approach: 0.0,
+            base: None,
+            looseness: 0.0,
+            drawn_from,
+        })
     }
 
     /// The sensor that took the reading.
@@ -252,6 +263,20 @@ impl Reading {
     #[must_use]
     pub fn after_approach(mut self, metres: f64) -> Self {
         self.approach = if metres.is_finite() { metres.max(0.0) } else { 0.0 };
+        self
+    }
+
+    /// Standard deviation of the stated place of this press alone, in each direction, metres; 0
+    /// unless a passport says more.
+    #[must_use]
+    pub fn looseness(&self) -> f64 {
+        self.looseness
+    }
+
+    /// The same press by a sensor whose places have this standard deviation, metres.
+    #[must_use]
+    pub fn with_looseness(mut self, metres: f64) -> Self {
+        self.looseness = metres;
         self
     }
 

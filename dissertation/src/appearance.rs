@@ -225,6 +225,7 @@ impl AppearanceBelief {
             entropy_bits,
             n_readings: self.n_readings,
             sensor_shift: None,
+            image_doubt: None,
         }
     }
 

@@ -38,6 +38,7 @@ pub(crate) fn on_ellipsoid(stream: &mut Stream) -> Touch {
         evenness: 1.0,
         feature: [0.0; N_AXES],
         point: None,
+        looseness: 0.0,
     }
 }
 

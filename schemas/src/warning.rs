@@ -35,6 +35,9 @@ pub enum WarningCode {
     /// All touches of a session fit better with the sensor beside its stated pose: the tool centre
     /// is probably wrong, or the covering is softer or stiffer than described.
     SensorShifted,
+    /// The images of all touches of a session fit better in another order: `image_order` of the sensor
+    /// is probably wrong.
+    ImageOrder,
     /// The sensor's health says that it is to be commissioned again.
     SensorChanged,
     /// Readings that touch one object are further apart than an object is large.

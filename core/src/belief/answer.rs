@@ -27,6 +27,31 @@ pub struct Answer {
     /// Where the touches say that the sensor truly is; `None` for methods that do not estimate it,
     /// and while no object is likelier than not.
     pub sensor_shift: Option<SensorShift>,
+    /// Order of the images that explains the touches better than the stated one; `None` as for
+    /// `sensor_shift`, and when none does.
+    pub image_doubt: Option<ImageDoubt>,
+}
+
+/// How images look at the likeliest pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImageDoubt {
+    /// The likelier order.
+    pub order: LikelierOrder,
+    /// ln of the likelihood of all touches in that order over that in the stated one.
+    pub log_ratio: f64,
+    /// Number of touches with an image.
+    pub n_touches: usize,
+}
+
+/// Order of images relative to the stated one, as far as stretches of contacts tell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LikelierOrder {
+    /// Rows or columns are reversed.
+    Mirrored,
+    /// Rows and columns are exchanged.
+    Transposed,
+    /// The image, or the sensor, is turned by a quarter.
+    Turned,
 }
 
 /// Place of the sensor relative to the stated one, shared by all touches, in the sensor frame.
@@ -173,7 +198,15 @@ pub fn answer(
     }
     modes.sort_by(|a: &PoseMode, b| b.weight.total_cmp(&a.weight));
     let entropy_bits = entropy_bits(&probabilities);
-    Answer { probabilities, unknown: 0.0, modes, entropy_bits, n_readings, sensor_shift: None }
+    Answer {
+        probabilities,
+        unknown: 0.0,
+        modes,
+        entropy_bits,
+        n_readings,
+        sensor_shift: None,
+        image_doubt: None,
+    }
 }
 
 fn belongs(pose: &WeightedPose, best: &WeightedPose, scale: &ModeScale) -> bool {

@@ -179,7 +179,15 @@ impl PlanarBelief {
         let total = log_sum_exp(log_objects.iter().copied());
         let modes = self.modes(n_modes, total);
         let entropy_bits = entropy_bits(&probabilities);
-        Answer { probabilities, unknown: 0.0, modes, entropy_bits, n_readings, sensor_shift: None }
+        Answer {
+            probabilities,
+            unknown: 0.0,
+            modes,
+            entropy_bits,
+            n_readings,
+            sensor_shift: None,
+            image_doubt: None,
+        }
     }
 
     /// Repeatedly refines the bin of the largest mass and gathers the bins around it.

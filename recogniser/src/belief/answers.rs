@@ -13,6 +13,7 @@ use palpate_core::object::ObjectIdx;
 use palpate_core::symmetry::Symmetry;
 
 use super::common::Common;
+use super::image_doubt::image_doubt;
 use super::object::ObjectBelief;
 use crate::model::SurfaceMap;
 use crate::observe::observation::Observation;
@@ -63,7 +64,7 @@ pub(super) fn answer(
         }
     }
     let poses = distinct(poses, maps, n_modes, options);
-    let mut sensor_shift = None;
+    let (mut sensor_shift, mut doubt) = (None, None);
     let mode = |Share { share: weight, component, object, hypothesis }: Share| {
         let (of, map, kernel) = (&components[component], &maps[object], &common.kernel);
         let (mut refined, n_touches) = (hypothesis, of.touches.len());
@@ -74,6 +75,7 @@ pub(super) fn answer(
         if weight > LIKELY && n_touches >= REFINED_FROM {
             let shift = refined.tool.as_dvec3();
             sensor_shift = Some(SensorShift { shift, deviation: found.tool, n_touches });
+            doubt = image_doubt(of.touches, map, &refined.inverse_pose(), kernel);
         }
         PoseMode {
             object: ObjectIdx(object as u32),
@@ -86,7 +88,15 @@ pub(super) fn answer(
     let symmetry = |object: ObjectIdx| maps[object.0 as usize].symmetry();
     let modes = merge_orbits(modes, symmetry, &orbit_scale(options));
     let probabilities = posterior;
-    Answer { probabilities, unknown, modes, entropy_bits, n_readings: 0, sensor_shift }
+    Answer {
+        probabilities,
+        unknown,
+        modes,
+        entropy_bits,
+        n_readings: 0,
+        sensor_shift,
+        image_doubt: doubt,
+    }
 }
 
 /// A hypothesis and its share of the belief.

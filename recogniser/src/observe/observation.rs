@@ -115,10 +115,7 @@ impl Observation {
         sharp: Comparison,
         soft: Comparison,
     ) -> Self {
-        let placement = match touch.point {
-            Some(point) => Placement::default().of_point(point.position),
-            None => Placement::default(),
-        };
+        let placement = Placement::default().of_own(touch.own_deviation());
         Self {
             position: (touch.position - anchor).as_vec3(),
             normal: touch.normal.as_vec3(),
@@ -139,6 +136,11 @@ impl Observation {
             sharp,
             soft,
         }
+    }
+
+    /// The same with another direction of stretch.
+    pub(crate) fn stretched_along(&self, direction: Vec3) -> Self {
+        Self { direction, ..self.clone() }
     }
 
     /// Its position if the sensor is `tool` (sensor frame, metres) beside its stated place.

@@ -35,7 +35,8 @@ pub(crate) struct Placement {
     base: Option<Base>,
     /// Variances of the object's motion since the touch.
     moved: Variances,
-    /// Variance (m²) of the position by the sensor itself: that of a contact without an image.
+    /// Variance (m²) of the position by the sensor itself: that of a contact without an image, or of
+    /// a loose sensor.
     own: f32,
 }
 
@@ -45,8 +46,9 @@ impl Placement {
         Self { base, ..self }
     }
 
-    /// The placement of a contact whose position has this deviation (m) of its own.
-    pub(crate) fn of_point(self, deviation: f64) -> Self {
+    /// The placement of a touch whose position has this deviation (m) of its own: a contact without
+    /// an image, or a press by a sensor whose passport says that poses are loose.
+    pub(crate) fn of_own(self, deviation: f64) -> Self {
         Self { own: deviation.powi(2) as f32, ..self }
     }
 

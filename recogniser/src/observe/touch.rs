@@ -79,9 +79,18 @@ pub struct Touch {
     /// The deviations of a contact without an image, which has neither appearance nor stretch;
     /// `None` for a press.
     pub point: Option<PointDeviations>,
+    /// Standard deviation of the stated place of a press in each direction, metres: the looseness of
+    /// its sensor's passport.
+    pub looseness: f64,
 }
 
 impl Touch {
+    /// Standard deviation (m) of its place in each direction that is its own: that of a contact
+    /// without an image, and of the passport.
+    pub(crate) fn own_deviation(&self) -> f64 {
+        self.point.map_or(0.0, |point| point.position).hypot(self.looseness)
+    }
+
     /// The sensor's axes as columns, in the frame of the pose: its +z is against the normal. Zero
     /// for a contact without an image.
     pub(crate) fn sensor_axes(&self) -> Mat3 {
@@ -115,6 +124,7 @@ pub fn observe_touch(
             evenness: 1.0,
             feature: [0.0; N_AXES],
             point: Some(point),
+            looseness: reading.looseness(),
         });
     }
     let (direction, elongation) = stretch(image, sensor);
@@ -127,6 +137,7 @@ pub fn observe_touch(
         evenness: evenness(image, sensor),
         feature: space.feature(image, sensor.grid()),
         point: None,
+        looseness: reading.looseness(),
     })
 }
 
@@ -150,6 +161,7 @@ pub fn observe_contact(contact: &PointContact) -> Option<Touch> {
             position: contact.position_deviation(),
             normal: normal.map(|normal| normal.deviation),
         }),
+        looseness: 0.0,
     })
 }
 

@@ -216,6 +216,7 @@ mod tests {
                 evenness: 1.0,
                 // Every third is a press with an image.
                 point: (index % 3 > 0).then_some(PointDeviations { position: 0.002, normal }),
+                looseness: 0.001 * f64::from(u8::from(index % 4 == 0)),
                 ..touch
             };
             felt.map(contact).collect()

@@ -130,6 +130,7 @@ pub(crate) fn self_match(
             evenness: 1.0,
             feature: unstored(&patch.feature),
             point,
+            looseness: 0.0,
         };
         let observation = Observation::new(&touch, DVec3::ZERO, space, &options.scale);
         kernel.score_without(map, &pose, &observation, index)

@@ -84,8 +84,9 @@ impl Placed {
         let moves = (session.touches.len() - 1 - index) as f64;
         let drift = session.options.motion;
         let moved = drift.map_or(0.0, |drift| moves * drift.position.powi(2));
-        // Equation R1a: a contact without an image has deviations of its own.
-        let position = moved + touch.point.map_or(0.0, |point| point.position.powi(2));
+        // Equation R1a: a contact without an image, or a loose sensor, has deviations of its own.
+        let point = touch.point.map_or(0.0, |point| point.position.powi(2));
+        let position = moved + point + touch.looseness.powi(2);
         let x = 0.007 / position.sqrt();
         let normal = touch.point.and_then(|point| point.normal);
         Self {

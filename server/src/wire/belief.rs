@@ -7,7 +7,7 @@ use palpate_schemas as wire;
 use palpate_schemas::Method;
 use palpate_store::entity::Session;
 
-use crate::hints::of_session;
+use crate::hints::{of_images, of_session};
 use crate::model::Model;
 use crate::wire::session::{options, untold_unknown_prior};
 use crate::wire::{count, evidence, sensor, symmetry};
@@ -45,8 +45,15 @@ pub(crate) fn belief(
         uncalibrated_reason,
         entropy_bits: answer.entropy_bits,
         poses,
-        warnings: answer.sensor_shift.as_ref().and_then(of_session).into_iter().collect(),
+        warnings: warnings(answer),
     }
+}
+
+/// What all touches of a session have in common that is probably a mistake.
+fn warnings(answer: &Answer) -> Vec<wire::Warning> {
+    let shift = answer.sensor_shift.as_ref().and_then(of_session);
+    let order = answer.image_doubt.as_ref().and_then(of_images);
+    shift.into_iter().chain(order).collect()
 }
 
 /// The stop advice of a session with a stated risk.

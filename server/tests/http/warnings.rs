@@ -213,3 +213,22 @@ async fn a_session_with_a_wrong_tool_centre_says_so() {
         assert!(detail.contains("tool centre") && detail.contains(sign), "{detail}");
     }
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_session_with_mirrored_images_says_so() {
+    let it = Harness::trained().await;
+    let warned = async |is_mirrored: bool| {
+        let session = it.session(json!({})).await;
+        let mut readings = touches(BAR, 20, 43, Pose::IDENTITY);
+        for reading in readings.iter_mut().filter(|_| is_mirrored) {
+            let image = reading["image"].as_array_mut().unwrap();
+            image.chunks_exact_mut(6).for_each(<[Value]>::reverse);
+        }
+        let path = format!("/v1/sessions/{session}/readings");
+        let added = it.post(&path, &json!({"readings": readings})).await.expect(200);
+        added["belief"].clone()
+    };
+    assert_eq!(codes(&warned(false).await), []);
+    let belief = warned(true).await;
+    assert!(codes(&belief).contains(&("image_order".to_owned(), String::new())), "{belief}");
+}

@@ -5177,7 +5177,7 @@ export interface components {
          * @description Kind of a warning.
          * @enum {string}
          */
-        WarningCode: "pressure_unit" | "pressure_low" | "not_tared" | "saturated" | "position_unit" | "position_far" | "sensor_shifted" | "sensor_changed" | "positions_apart" | "object_large" | "object_small" | "sizes_differ" | "few_touches" | "objects_skipped" | "contact_ignored" | "shear_ignored";
+        WarningCode: "pressure_unit" | "pressure_low" | "not_tared" | "saturated" | "position_unit" | "position_far" | "sensor_shifted" | "image_order" | "sensor_changed" | "positions_apart" | "object_large" | "object_small" | "sizes_differ" | "few_touches" | "objects_skipped" | "contact_ignored" | "shear_ignored";
         /** @description The caller, as the server identifies it. */
         Whoami: {
             key?: components["schemas"]["ApiKey"] | null;

@@ -156,6 +156,7 @@ mod tests {
             entropy_bits: 0.0,
             n_readings: n_touches,
             sensor_shift: Some(SensorShift { shift, deviation, n_touches }),
+            image_doubt: None,
         }
     }
 
