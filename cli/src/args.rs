@@ -7,10 +7,11 @@ use clap::{Parser, Subcommand, ValueEnum};
 use crate::commands::{
     analyses::AnalysesArgs, audit::AuditArgs, catalogues::CataloguesArgs, compact::CompactArgs,
     config::ConfigArgs, demo::DemoArgs, experiment::ExperimentArgs, explore::ExploreArgs,
-    fsck::FsckArgs, jobs::JobsArgs, keys::KeysArgs, letters::LettersArgs, load::LoadArgs,
-    maps::MapsArgs, migrate::MigrateArgs, next_touch::NextTouchArgs, objects::ObjectsArgs,
-    report::ReportArgs, robots::RobotsArgs, sensors::SensorsArgs, serve::ServeArgs,
-    sessions::SessionsArgs, snapshot::SnapshotArgs, touch::TouchArgs, train::TrainArgs,
+    fleet::FleetArgs, fsck::FsckArgs, jobs::JobsArgs, keys::KeysArgs, letters::LettersArgs,
+    load::LoadArgs, maps::MapsArgs, migrate::MigrateArgs, next_touch::NextTouchArgs,
+    objects::ObjectsArgs, report::ReportArgs, robots::RobotsArgs, sensors::SensorsArgs,
+    serve::ServeArgs, sessions::SessionsArgs, snapshot::SnapshotArgs, touch::TouchArgs,
+    train::TrainArgs,
 };
 
 const EXAMPLES: &str = "\
@@ -127,6 +128,8 @@ pub(crate) enum Command {
     Explore(ExploreArgs),
     /// Show where a robot would learn most about a session's object.
     NextTouch(NextTouchArgs),
+    /// List the open sessions, those that need attention first.
+    Fleet(FleetArgs),
     /// Inspect and manage sessions.
     Sessions(SessionsArgs),
     /// Load a server with many simulated robots and measure it.

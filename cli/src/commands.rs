@@ -9,6 +9,7 @@ pub(crate) mod config;
 pub(crate) mod demo;
 pub(crate) mod experiment;
 pub(crate) mod explore;
+pub(crate) mod fleet;
 pub(crate) mod fsck;
 pub(crate) mod health;
 pub(crate) mod jobs;

@@ -5,8 +5,8 @@ use palpate_client::{Client, ClientOptions};
 
 use crate::args::{Cli, Command};
 use crate::commands::{
-    Context, analyses, audit, catalogues, compact, config, demo, experiment, explore, fsck, health,
-    jobs, keys, letters, load, maps, migrate, next_touch, objects, openapi, report, robots,
+    Context, analyses, audit, catalogues, compact, config, demo, experiment, explore, fleet, fsck,
+    health, jobs, keys, letters, load, maps, migrate, next_touch, objects, openapi, report, robots,
     sensors, serve, sessions, snapshot, storage, touch, train,
 };
 use crate::output::Output;
@@ -53,6 +53,7 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Touch(args) => touch::run(args, &context()?).await,
         Command::Explore(args) => explore::run(args, &context()?).await,
         Command::NextTouch(args) => next_touch::run(args, &context()?).await,
+        Command::Fleet(args) => fleet::run(args, &context()?).await,
         Command::Sessions(args) => sessions::run(args, &context()?).await,
         Command::Load(args) => load::run(args, &context()?).await,
         Command::Keys(args) => keys::run(args, &context()?).await,

@@ -32,6 +32,7 @@ mod snapshots;
 mod storage;
 mod history;
 mod sessions;
+mod fleet;
 mod stamps;
 mod events;
 mod touch_session;

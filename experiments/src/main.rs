@@ -5,7 +5,8 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::Duration;
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -17,6 +18,9 @@ use serde::Serialize;
 /// Each touch allocates many small lists; this allocator is faster with them.
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
+/// Time between lines of progress where there is no terminal.
+const LINE_EVERY: Duration = Duration::from_secs(30);
 
 /// Reruns the tables and figures of docs/results.
 #[derive(Parser)]
@@ -65,15 +69,9 @@ fn main() -> ExitCode {
 fn run(cli: &Cli) -> anyhow::Result<()> {
     let (experiment, command) = (cli.experiment.name(), cli.experiment.command_line());
     eprintln!("running {command}");
-    let bar = ProgressBar::new(0)
-        .with_style(ProgressStyle::with_template("{msg:<24} {bar:32} {pos}/{len} {elapsed}")?);
-    bar.enable_steady_tick(Duration::from_millis(200));
-    let outcome = cli.experiment.run(&|stage, done, total| {
-        bar.set_message(stage.to_owned());
-        bar.set_length(total as u64);
-        bar.set_position(done as u64);
-    })?;
-    bar.finish_and_clear();
+    let shown = Shown::new()?;
+    let outcome = cli.experiment.run(&|stage, done, total| shown.show(stage, done, total))?;
+    shown.bar.finish_and_clear();
     let run = Run::new(command, cli.experiment.arguments(), &outcome.report);
     let folder = write_outcome(&cli.out, &experiment, &outcome, &run, !cli.no_record)?;
     if cli.json {
@@ -86,6 +84,40 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         println!("{}\n\nrows and pictures are in {}", table(&outcome.report), folder.display());
     }
     Ok(())
+}
+
+/// Progress: a bar on a terminal, otherwise an occasional line.
+struct Shown {
+    bar: ProgressBar,
+    begun: Instant,
+    last_line: Mutex<Instant>,
+}
+
+impl Shown {
+    fn new() -> anyhow::Result<Self> {
+        let bar = ProgressBar::new(0)
+            .with_style(ProgressStyle::with_template("{msg:<24} {bar:32} {pos}/{len} {elapsed}")?);
+        bar.enable_steady_tick(Duration::from_millis(200));
+        let begun = Instant::now();
+        Ok(Self { bar, begun, last_line: Mutex::new(begun) })
+    }
+
+    fn show(&self, stage: &str, done: usize, total: usize) {
+        if !self.bar.is_hidden() {
+            self.bar.set_message(stage.to_owned());
+            self.bar.set_length(total as u64);
+            self.bar.set_position(done as u64);
+            return;
+        }
+        let mut last = self.last_line.lock().unwrap_or_else(PoisonError::into_inner);
+        if last.elapsed() >= LINE_EVERY {
+            *last = Instant::now();
+            eprintln!(
+                "{stage}: {done} of {total} after {:.0} s",
+                self.begun.elapsed().as_secs_f64()
+            );
+        }
+    }
 }
 
 /// The summary, one figure per line.

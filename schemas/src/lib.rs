@@ -60,7 +60,10 @@ pub use coupling::{
     Coupling, CoveringEdge, NumberRange, SensorKnowledge, SensorRanges, SpreadKernel,
 };
 pub use descriptor::Descriptor;
-pub use fleet::{Fleet, FleetQuery, FleetSession};
+pub use fleet::{
+    AcknowledgeSessions, Attention, AttentionLevel, CloseSessions, Fleet, FleetChanged, FleetQuery,
+    FleetResult, FleetSession, TracePoint,
+};
 pub use geometry::{
     AxisUnit, GeometricKind, GeometricReport, GeometricTraining, Marginal, Marginals,
     MarginalsQuery, MergeMaps, OccupancyMap, PlaneMarginal, PlyForm, PlyQuery, PosePrior,

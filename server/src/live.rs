@@ -17,6 +17,7 @@ mod questions;
 mod readings;
 mod state;
 mod status;
+pub(crate) mod trace;
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
@@ -53,6 +54,7 @@ use readings::{Readings, Ready};
 pub(crate) use state::Total;
 use state::{Account, State, Turns};
 pub(crate) use status::status;
+use trace::Traces;
 
 /// Number of readings above which folding yields to other robots' work. Chosen: a batch of an
 /// arm's ten touches never does; a session folded from its journal may.
@@ -71,6 +73,7 @@ pub(crate) struct Tools {
     pub(crate) pool: Pool,
     pub(crate) readings_max: usize,
     pub(crate) checkpoints: Arc<Checkpoints>,
+    pub(crate) traces: Traces,
 }
 
 /// A session in memory.
@@ -271,6 +274,7 @@ impl Live {
             readings: Readings::new(self.session.id, journal, sensors, options, handed),
             checkpoints: Arc::clone(&self.tools.checkpoints),
             asker: Asker::current(),
+            is_kept: true,
         }
     }
 

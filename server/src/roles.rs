@@ -110,6 +110,8 @@ pub(crate) const TABLE: &[(&str, Who, Effect)] = &[
     ("events", ALL, Reads),
     ("create_session", TOUCHING, Changes),
     ("close_session", TOUCHING, Changes),
+    ("close_sessions", TOUCHING, Changes),
+    ("acknowledge_sessions", TEACHING, Changes),
     ("extend_session", TOUCHING, Changes),
     ("delete_session", TOUCHING, Changes),
     ("add_readings", TOUCHING, Touches),

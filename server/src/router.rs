@@ -5,7 +5,10 @@ use axum::http::{HeaderMap, Uri};
 use axum::middleware::{from_fn, from_fn_with_state};
 use axum::response::Response;
 use axum::routing::get;
+use tower_http::CompressionLevel;
 use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::compression::CompressionLayer;
+use tower_http::compression::predicate::{DefaultPredicate, Predicate, SizeAbove};
 
 use crate::app::App;
 use crate::middleware::admission::admit;
@@ -15,6 +18,9 @@ use crate::middleware::headers::{cors, secure};
 use crate::middleware::rate::share;
 use crate::middleware::telemetry;
 use crate::{dashboard, openapi, problem, routes};
+
+/// Length from which an answer is compressed, bytes. Chosen: a shorter one fits into one packet.
+const COMPRESSED_MIN: u16 = 1400;
 
 /// Every route behind every layer; the outermost is added last.
 pub(crate) fn router(app: App) -> Router {
@@ -32,9 +38,17 @@ pub(crate) fn router(app: App) -> Router {
         None => guarded,
     };
     shared
+        .layer(compressed())
         .layer(from_fn_with_state(app.clone(), secure))
         .layer(from_fn(telemetry::observe))
         .with_state(app)
+}
+
+/// Compresses answers for clients that accept it, but no event streams and no pictures. The fastest
+/// level: robots wait for their beliefs.
+fn compressed() -> CompressionLayer<impl Predicate + Clone> {
+    let long = DefaultPredicate::new().and(SizeAbove::new(COMPRESSED_MIN));
+    CompressionLayer::new().quality(CompressionLevel::Fastest).compress_when(long)
 }
 
 /// The dashboard, and the API's description and documentation.

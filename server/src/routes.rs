@@ -7,6 +7,7 @@ mod blocks;
 pub(crate) mod commissioning;
 mod documented;
 pub(crate) mod events;
+pub(crate) mod fleet;
 pub(crate) mod history;
 pub(crate) mod jobs;
 pub(crate) mod keys;
@@ -79,7 +80,9 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(sessions::get_belief))
         .routes(routes!(sessions::get_marginals))
         .routes(routes!(sessions::ask_next_touches))
-        .routes(routes!(sessions::get_fleet))
+        .routes(routes!(fleet::get_fleet))
+        .routes(routes!(fleet::acknowledge_sessions))
+        .routes(routes!(fleet::close_sessions))
         .routes(routes!(events::session_events))
         .routes(routes!(events::events))
         .routes(routes!(keys::list_keys, keys::create_key))

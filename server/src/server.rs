@@ -185,6 +185,7 @@ impl Server {
         let working = tokio::spawn(jobs.work(stopping.clone()));
         tokio::spawn(Arc::clone(&sessions).watch(stopping.clone()));
         tokio::spawn(Arc::clone(&sessions).keep_health(stopping.clone()));
+        tokio::spawn(Arc::clone(&sessions).keep_watch(stopping.clone()));
         let audit = Arc::clone(&app.audit);
         tokio::spawn(Arc::clone(&audit).keep(stopping.clone()));
         tokio::spawn(time_keeper.keep_time(stopping.clone()));

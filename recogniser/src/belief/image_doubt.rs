@@ -13,8 +13,11 @@ use crate::observe::inverse_pose::InversePose;
 use crate::observe::observation::{Observation, Says};
 use crate::verify::density::Kernel;
 
-/// The orders, and what they make of a stretch in the sensor's plane.
-const ORDERS: [(LikelierOrder, fn(Vec2) -> Vec2); 3] = [
+/// What an order makes of a stretch in the sensor's plane.
+type Turned = fn(Vec2) -> Vec2;
+
+/// The orders that are compared with the stated one.
+const ORDERS: [(LikelierOrder, Turned); 3] = [
     (LikelierOrder::Mirrored, |along| Vec2::new(along.x, -along.y)),
     (LikelierOrder::Transposed, |along| Vec2::new(along.y, along.x)),
     (LikelierOrder::Turned, |along| Vec2::new(-along.y, along.x)),
@@ -28,7 +31,7 @@ pub(super) fn image_doubt(
     kernel: &Kernel,
 ) -> Option<ImageDoubt> {
     let shown = || touches.iter().filter(|touch| touch.says == Says::All);
-    let gain = |turned: fn(Vec2) -> Vec2| -> f32 {
+    let gain = |turned: Turned| -> f32 {
         let of = |touch: &Observation| {
             let axes = touch.session_from_sensor;
             let along =

@@ -14,6 +14,7 @@ use uuid::Uuid;
 
 use super::readings::Ready;
 use super::state::State;
+use super::trace::Point;
 use super::{Live, LiveError, POSES, answer};
 use crate::asker::Asker;
 use crate::cause::Cause;
@@ -102,7 +103,7 @@ impl Live {
         let belief = match place {
             None => None,
             Some(place) if is_new => {
-                Some(self.renew(&mut state, Vec::new(), place, revision).await?)
+                Some(self.renew(&mut state, (Vec::new(), now), place, revision).await?)
             }
             Some(place) => {
                 let start = state.memory.start(revision);
@@ -211,21 +212,22 @@ impl Live {
         journal.append(self.session.id, length, &entries).instrument(span).await?;
         metrics::counter!("palpate_readings_total").increment(n_new as u64);
         let Some(place) = place else { return Ok(None) };
-        Ok(Some(self.renew(state, new, place, length + n_new as u64).await?))
+        Ok(Some(self.renew(state, (new, now), place, length + n_new as u64).await?))
     }
 
-    /// The belief after new entries of the journal, `handed` the readings among them, for their
-    /// sender and the followers.
+    /// The belief after new entries of the journal, for their sender and the followers. `handed`
+    /// are the readings among them and their time of arrival (ms since 1970).
     async fn renew(
         &self,
         state: &mut State,
-        handed: Vec<Ready>,
+        (handed, now): (Vec<Ready>, u64),
         place: Place,
         length: u64,
     ) -> Result<wire::Belief, LiveError> {
         let answer = self.ask(state, self.folding(handed), place, length, answer(POSES)).await?;
         let belief = self.shown(length, &answer);
         state.remember(&belief);
+        self.tools.traces.note(self.session.id, [Point::of(&belief, now)]);
         self.count(state);
         self.publish(SessionEvent::Belief { belief: belief.clone() });
         Ok(belief)

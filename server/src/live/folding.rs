@@ -39,6 +39,8 @@ pub(super) struct Folding {
     pub(super) method: Method,
     pub(super) checkpoints: Arc<Checkpoints>,
     pub(super) asker: Asker,
+    /// Whether beliefs are stored on the way; those of a replay are past.
+    pub(super) is_kept: bool,
 }
 
 /// A belief and the number of presses it includes.
@@ -147,7 +149,9 @@ impl Folding {
             memory.newest = Some(fold);
         }
         folded?;
-        self.store(memory, READINGS_PER_CHECKPOINT);
+        if self.is_kept {
+            self.store(memory, READINGS_PER_CHECKPOINT);
+        }
         let newest = memory.newest.as_ref().ok_or_else(|| self.readings.gone())?;
         Ok(&newest.belief)
     }

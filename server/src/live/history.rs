@@ -107,7 +107,7 @@ impl Live {
         }
         let last = upto.min(question.after + question.limit);
         let mut walk = Walk {
-            folding: self.folding(Vec::new()),
+            folding: Folding { is_kept: false, ..self.folding(Vec::new()) },
             memory: Memory::default(),
             last: last as usize,
             steps: Vec::new(),

@@ -9,6 +9,8 @@ use palpate_schemas as wire;
 use palpate_schemas::Method;
 
 use super::belief::{ObjectMarginals, SessionBelief};
+use super::history::ReplayQuestion;
+use super::trace::{Point, TRACE_MAX};
 use super::{Live, LiveError, POSES, answer};
 use crate::asker::Asker;
 use crate::cause::Cause;
@@ -17,6 +19,10 @@ use crate::compute::Place;
 use crate::wire::geometry;
 use crate::wire::next_touch::{Question, next_touches};
 use crate::wire::session::options;
+
+/// Number of revisions up to which all beliefs of a trace are formed again. Chosen: a replay folds
+/// a session from its beginning.
+const RECALLED_MAX: u64 = 512;
 
 impl Live {
     /// The present belief; `None` when its revision is known.
@@ -105,6 +111,46 @@ impl Live {
         let length = self.length()?;
         let folding = self.folding(Vec::new());
         self.ask(&mut state, folding, place, length, answer(POSES)).await
+    }
+
+    /// Forms the newest beliefs of the trace that are not known: of a session without a trace all
+    /// that it keeps, else the present one.
+    pub(crate) async fn recall(&self) -> Result<(), LiveError> {
+        let (id, journal) = (self.session.id, self.tools.store.journal());
+        let length = self.length()?;
+        let from = length.saturating_sub(TRACE_MAX as u64);
+        let entries = journal.entries(id, from, TRACE_MAX)?;
+        let at_ms = |revision: u32| {
+            let entry = entries.iter().find(|entry| entry.seq + 1 == u64::from(revision));
+            entry.map_or_else(now_ms, |entry| entry.received_at_ms)
+        };
+        if self.tools.traces.revision(id) > 0 || length > RECALLED_MAX {
+            if let Some(belief) = self.belief(0, None).await? {
+                self.tools.traces.note(id, [Point::of(&belief, at_ms(belief.revision))]);
+            }
+            return Ok(());
+        }
+        let mut after = from;
+        loop {
+            let limit = TRACE_MAX as u64;
+            let question = ReplayQuestion { upto: Some(length), after, limit, poses: 0 };
+            let replay = self.replay(question).await?;
+            let steps = replay.steps.iter().map(|step| Point {
+                revision: step.revision,
+                n_readings: step.n_readings,
+                at_ms: at_ms(step.revision),
+                best: step.best.clone(),
+                unknown: step.unknown,
+                entropy_bits: step.entropy_bits,
+                warning: None,
+            });
+            let newest = Point::of(&replay.belief, at_ms(replay.belief.revision));
+            self.tools.traces.note(id, steps.chain([newest]));
+            match replay.next_after {
+                Some(next) => after = u64::from(next),
+                None => return Ok(()),
+            }
+        }
     }
 
     /// A question's answer by the present belief, and its revision; `None` when that is known.

@@ -1,4 +1,4 @@
-//! `/v1/sessions` and `/v1/fleet`
+//! `/v1/sessions`
 
 use axum::Json;
 use axum::extract::State;
@@ -6,8 +6,8 @@ use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use palpate_schemas::{
     AddReadings, AskNextTouches, Belief, BeliefQuery, CloseSession, CreateSession, ExtendSession,
-    Fleet, FleetQuery, Marginals, MarginalsQuery, NextTouches, ReadingsAdded, ReadingsQuery,
-    Session, SessionPage, SessionsQuery,
+    Marginals, MarginalsQuery, NextTouches, ReadingsAdded, ReadingsQuery, Session, SessionPage,
+    SessionsQuery,
 };
 use serde::Serialize;
 
@@ -204,18 +204,4 @@ pub(crate) async fn ask_next_touches(
     JsonBody(request): JsonBody<AskNextTouches>,
 ) -> Result<Json<NextTouches>, Refusal> {
     Ok(Json(app.sessions.next_touches(&session, &request).await?))
-}
-
-/// Get the fleet
-///
-/// Returns the most recently active open sessions, with their robots and the time of their newest
-/// reading. This is a snapshot: poll it, and follow beliefs with `GET /v1/events`.
-#[utoipa::path(get, path = "/v1/fleet", operation_id = "get_fleet", tag = "sessions",
-    params(FleetQuery),
-    responses((status = 200, description = "The most recently active open sessions", body = Fleet)))]
-pub(crate) async fn get_fleet(
-    State(app): State<App>,
-    Params(query): Params<FleetQuery>,
-) -> Result<Json<Fleet>, Refusal> {
-    Ok(Json(app.sessions.fleet(query).await?))
 }

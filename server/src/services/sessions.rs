@@ -6,12 +6,15 @@
 //! map lives across an await. Changes of a session run in a separate task, so that a robot
 //! that hangs up does not leave them half done.
 
+mod attention;
 mod fits;
+mod fleet;
 mod health;
 mod life;
 mod listing;
 mod open;
 mod questions;
+mod watch;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -24,6 +27,7 @@ use palpate_store::database::Database;
 use palpate_store::entity::{ReadingId, Session};
 use palpate_store::error::StoreError;
 use thiserror::Error;
+use tokio::sync::Mutex;
 use tokio::task::JoinHandle;
 use uuid::Uuid;
 
@@ -34,6 +38,7 @@ use crate::clock::now_ms;
 use crate::compute::Pool;
 use crate::config::Config;
 use crate::live::checkpoints::Checkpoints;
+use crate::live::trace::Traces;
 use crate::live::{Live, LiveError, Tools, Total, status};
 use crate::model::Model;
 use crate::services::catalogues::{CatalogueError, Catalogues};
@@ -60,6 +65,8 @@ pub(crate) struct Sessions {
     /// Default lifetime of sessions.
     time_to_live: Duration,
     answer_timeout: Duration,
+    /// Held while the watch forms a belief, whose model others may have to wait for.
+    recalling: Mutex<()>,
 }
 
 impl Sessions {
@@ -77,6 +84,7 @@ impl Sessions {
             pool,
             readings_max: config.session_readings_max,
             checkpoints: Arc::new(Checkpoints::new(config.data.join("checkpoints"))),
+            traces: Traces::default(),
         };
         Self {
             tools: Arc::new(tools),
@@ -91,6 +99,7 @@ impl Sessions {
             belief_bytes_max: config.belief_memory_bytes_max,
             time_to_live: config.session_time_to_live,
             answer_timeout: config.answer_timeout,
+            recalling: Mutex::default(),
         }
     }
 
@@ -243,12 +252,18 @@ impl Sessions {
     ) -> Result<Arc<Model>, CatalogueError> {
         let part = convert::session::part(method);
         match self.catalogues.load(catalogue, version, part).await {
-            Err(CatalogueError::ModelsInUse { .. }) => {
-                self.live.retain(|_, live| !is_idle(live));
-                self.catalogues.load(catalogue, version, part).await
-            }
-            other => other,
+            Err(CatalogueError::ModelsInUse { .. }) => {}
+            other => return other,
         }
+        self.live.retain(|_, live| !is_idle(live));
+        match self.catalogues.load(catalogue, version, part).await {
+            Err(CatalogueError::ModelsInUse { .. }) => {}
+            other => return other,
+        }
+        // The watch, which no client waits for, must not keep a client from a model.
+        let _none_recalled = self.recalling.lock().await;
+        self.live.retain(|_, live| !is_idle(live));
+        self.catalogues.load(catalogue, version, part).await
     }
 
     /// Keeps the memory of beliefs and their tables within its budget, with space for `more`

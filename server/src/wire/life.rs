@@ -78,6 +78,17 @@ pub(crate) fn set_lease(session: &mut Session, until_ms: u64, key: Option<Uuid>)
     session.options = written(&options);
 }
 
+/// Records that somebody has seen a session's alarms, and until when further ones are muted; a
+/// mute that is not named stays.
+pub(crate) fn set_acknowledged(session: &mut Session, at_ms: u64, muted_until_ms: Option<u64>) {
+    let mut options = options(session);
+    options.acknowledged_at_ms = Some(at_ms);
+    if let Some(until) = muted_until_ms {
+        options.muted_until_ms = (until > at_ms).then_some(until);
+    }
+    session.options = written(&options);
+}
+
 /// The key that opened a session; `None` when it was not recorded or keys are not required.
 pub(crate) fn opened_by(session: &Session) -> Option<Uuid> {
     options(session).opened_by

@@ -57,6 +57,12 @@ pub(crate) struct Options {
     /// The key that requested the lease.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) leased_by: Option<Uuid>,
+    /// When somebody last acknowledged the session's alarms.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) acknowledged_at_ms: Option<u64>,
+    /// Until when its alarms need no attention.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) muted_until_ms: Option<u64>,
     /// The true object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) truth: Option<wire::Truth>,

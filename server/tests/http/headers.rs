@@ -1,5 +1,7 @@
 //! Tests of browser headers and of requests from other sites.
 
+use std::io::Read;
+
 use palpate_server::{Access, Server, StartError};
 use reqwest::Method;
 use serde_json::json;
@@ -102,4 +104,31 @@ async fn without_keys_requests_of_other_sites_are_refused() {
     let close = "/v1/sessions/01890000-0000-7000-8000-000000000000/close";
     let forged = with(&it, Method::POST, close, &[("origin", "https://evil.example")]).await;
     forged.problem(403, "forbidden", None);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn long_answers_are_compressed_for_those_who_accept_it() {
+    let it = Harness::trained().await;
+    let accepting = [("accept-encoding", "gzip")];
+    for path in ["/openapi.json", "/assets/app.js"] {
+        let plain = it.client.get(it.url(path)).send().await.unwrap();
+        assert!(!plain.headers().contains_key("content-encoding"), "{path}");
+        let whole = plain.bytes().await.unwrap();
+        let request = it.client.get(it.url(path)).header("accept-encoding", "gzip");
+        let short = request.send().await.unwrap();
+        assert_eq!(short.headers()["content-encoding"], "gzip", "{path}");
+        assert!(short.headers()["vary"].to_str().unwrap().contains("accept-encoding"), "{path}");
+        let sent = short.bytes().await.unwrap();
+        assert!(2 * sent.len() < whole.len(), "{path}: {} of {}", sent.len(), whole.len());
+        let mut unpacked = Vec::new();
+        flate2::read::GzDecoder::new(&*sent).read_to_end(&mut unpacked).unwrap();
+        assert!(unpacked == whole, "{path}");
+    }
+    let short = with(&it, Method::GET, "/livez", &accepting).await;
+    assert!(!short.headers.contains_key("content-encoding"));
+    let path = format!("/v1/events?sessions={}", it.session(json!({})).await);
+    let request = it.client.get(it.url(&path)).header("accept-encoding", "gzip");
+    let stream = request.send().await.unwrap();
+    assert_eq!(stream.headers()["content-type"], "text/event-stream");
+    assert!(!stream.headers().contains_key("content-encoding"));
 }

@@ -174,6 +174,9 @@ fn bodies(path: &str) -> Vec<Value> {
         "/v1/sensors/{sensor}/commissionings" => vec![commissioning()],
         "/v1/sensors/{sensor}/check" => vec![full(reading()), featured(), contact()],
         "/v1/sessions" => sessions(),
+        "/v1/fleet/acknowledgements" => {
+            vec![json!({"sessions": ["00000000-0000-0000-0000-000000000001"], "mute_s": 60})]
+        }
         "/v1/sessions/{session}/lease" => vec![json!({"seconds": 60})],
         "/v1/sessions/{session}/next-touches" => vec![
             json!({"n": 4, "deadline_ms": 100, "seed": 1,

@@ -463,12 +463,55 @@ export interface paths {
         };
         /**
          * Get the fleet
-         * @description Returns the most recently active open sessions, with their robots and the time of their newest
-         *     reading. This is a snapshot: poll it, and follow beliefs with `GET /v1/events`.
+         * @description Returns the open sessions, those that need attention first, with the reason, their robots and
+         *     their latest belief. This is a snapshot: poll it, and follow beliefs with `GET /v1/events`. A
+         *     session that changes its place between two pages may come twice or not at all.
          */
         get: operations["get_fleet"];
         put?: never;
         post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/fleet/acknowledgements": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Acknowledge the alarms of sessions
+         * @description The alarms of these open sessions need no attention any more; later ones do, unless the
+         *     sessions are muted. What cannot be done for one session is in its result.
+         */
+        post: operations["acknowledge_sessions"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/fleet/closings": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Close sessions
+         * @description Closes many sessions at once, without stating their true objects. What cannot be done for one
+         *     session is in its result.
+         */
+        post: operations["close_sessions"];
         delete?: never;
         options?: never;
         head?: never;
@@ -1346,6 +1389,17 @@ export interface paths {
 export type webhooks = Record<string, never>;
 export interface components {
     schemas: {
+        /** @description Acknowledges the alarms of sessions. */
+        AcknowledgeSessions: {
+            /**
+             * Format: int32
+             * @description Seconds, up to a week, for which new alarms of the sessions need no attention either; 0
+             *     ends this. Default: unchanged.
+             */
+            mute_s?: number | null;
+            /** @description Ids of open sessions. */
+            sessions: string[];
+        };
         /** @description Readings to add to a session. */
         AddReadings: {
             /** @description 1 to 1000 readings, stored whole or not at all. Send a single reading as a list of one. */
@@ -1573,6 +1627,36 @@ export interface components {
             sensor: string;
             workspace?: components["schemas"]["TouchWorkspace"] | null;
         };
+        /** @description Whether a session needs attention, and why. */
+        Attention: {
+            /**
+             * Format: date-time
+             * @description When somebody last acknowledged the session's alarms; null if nobody did. Alarms with a
+             *     later `since` need attention again.
+             */
+            acknowledged_at?: string | null;
+            /** @description Whether somebody should look: surprising or stuck, not acknowledged since and not muted. */
+            is_needed: boolean;
+            /** @description The session's state. */
+            level: components["schemas"]["AttentionLevel"];
+            /**
+             * Format: date-time
+             * @description Until when alarms of the session need no attention; null if it is not muted.
+             */
+            muted_until?: string | null;
+            /** @description The reason in words. */
+            reason: string;
+            /**
+             * Format: date-time
+             * @description Since when the reason holds, by the server's clock.
+             */
+            since: string;
+        };
+        /**
+         * @description State of an open session.
+         * @enum {string}
+         */
+        AttentionLevel: "surprising" | "stuck" | "working" | "waiting" | "sure";
         /** @description An entry of the audit log: a request and its outcome. */
         AuditEntry: {
             /** @description Address the request came from, as the server saw it; behind a proxy, the proxy's address. */
@@ -1854,6 +1938,11 @@ export interface components {
              * @example mug
              */
             object?: string | null;
+        };
+        /** @description Closes sessions, without a truth. */
+        CloseSessions: {
+            /** @description Ids of sessions. */
+            sessions: string[];
         };
         /**
          * ClosedChange
@@ -2478,7 +2567,7 @@ export interface components {
          * @enum {string}
          */
         FindingVerdict: "right" | "wrong" | "undetermined";
-        /** @description The open sessions. */
+        /** @description A page of the open sessions, those that need attention first. */
         Fleet: {
             /**
              * Format: date-time
@@ -2487,26 +2576,59 @@ export interface components {
             at: string;
             /**
              * Format: int32
+             * @description Number of open sessions that need attention.
+             */
+            n_needed: number;
+            /**
+             * Format: int32
              * @description Number of open sessions.
              */
             n_open: number;
+            /** @description Where the next page begins; null on the last page. */
+            next_cursor?: string | null;
             /**
-             * @description The most recently active open sessions, newest first. Follow their beliefs with `GET
-             *     /v1/events`.
+             * @description The sessions: those that need attention, newest alarm first and surprising ones before
+             *     stuck ones; then those at work, alarms that were acknowledged or muted, those without a
+             *     reading, and sure ones. Follow their beliefs with `GET /v1/events`.
              */
             sessions: components["schemas"]["FleetSession"][];
         };
+        /** @description What became of each session of a request for many. */
+        FleetChanged: {
+            /**
+             * Format: int32
+             * @description Number of sessions for which it was done.
+             */
+            n_done: number;
+            /** @description One result for each session, in the order of the request. */
+            results: components["schemas"]["FleetResult"][];
+        };
+        /** @description What became of one session. */
+        FleetResult: {
+            /** @description Why it was not done; null if it was. */
+            problem?: string | null;
+            /**
+             * Format: uuid
+             * @description The session's id.
+             */
+            session: string;
+        };
         /** @description An open session and its recent activity. */
         FleetSession: {
+            /** @description Whether it needs attention, and why. */
+            attention: components["schemas"]["Attention"];
             /**
              * Format: date-time
              * @description When the newest reading arrived, by the server's clock; null if there is none.
              */
             last_reading_at?: string | null;
+            latest?: components["schemas"]["TracePoint"] | null;
             /** @description The robots that sent the session's 64 newest readings, sorted by name. */
             robots: string[];
             /** @description The session. */
             session: components["schemas"]["Session"];
+            /** @description With `?trace=true` the newest beliefs, at most 24, oldest first; else empty. */
+            trace: components["schemas"]["TracePoint"][];
         };
         /** @description One knot of a force curve. */
         ForceKnot: {
@@ -5036,6 +5158,35 @@ export interface components {
              * @description Radius in metres, above 0 and at most 10.
              */
             radius: number;
+        };
+        /** @description A belief of a session in short. */
+        TracePoint: {
+            /**
+             * Format: date-time
+             * @description When the session's newest change of the revision arrived, by the server's clock.
+             */
+            at: string;
+            best?: components["schemas"]["BestObject"] | null;
+            /**
+             * Format: double
+             * @description Entropy of the identity in bits, including "none of these".
+             */
+            entropy_bits: number;
+            /**
+             * Format: int32
+             * @description Number of readings that counted.
+             */
+            n_readings: number;
+            /**
+             * Format: int32
+             * @description Revision of the belief.
+             */
+            revision: number;
+            /**
+             * Format: double
+             * @description Probability that the object is not in the catalogue.
+             */
+            unknown: number;
         };
         /** @description Result of adding training readings. */
         TrainingReadingsAdded: {
@@ -8038,6 +8189,12 @@ export interface operations {
             query?: {
                 /** @description Maximum number of sessions, 1 to 100. Default: 100. */
                 limit?: number;
+                /** @description Where the page begins: `next_cursor` of the page before. */
+                cursor?: string;
+                /** @description Only sessions that need attention. Default: false. */
+                needed?: boolean;
+                /** @description Whether sessions have their `trace`. Default: false. */
+                trace?: boolean;
             };
             header?: never;
             path?: never;
@@ -8045,7 +8202,7 @@ export interface operations {
         };
         requestBody?: never;
         responses: {
-            /** @description The most recently active open sessions */
+            /** @description A page of the open sessions */
             200: {
                 headers: {
                     [name: string]: unknown;
@@ -8130,6 +8287,308 @@ export interface operations {
                     "RateLimit-Policy"?: string;
                     /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    acknowledge_sessions: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["AcknowledgeSessions"];
+            };
+        };
+        responses: {
+            /** @description What became of each session */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["FleetChanged"];
+                };
+            };
+            /** @description The body cannot be read */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The API key is missing or not valid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the required roles: trainer, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The body did not arrive in time */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The content type is not one of those expected */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A value is invalid; `errors` names it */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *       "errors": [
+                     *         {
+                     *           "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *           "pointer": "/readings/0/pose/orientation"
+                     *         }
+                     *       ],
+                     *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 422,
+                     *       "title": "Invalid value",
+                     *       "type": "urn:palpate:problem:invalid-value"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
+            429: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal error, or the stored data is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
+            503: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The disk is full: nothing was stored */
+            507: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    close_sessions: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["CloseSessions"];
+            };
+        };
+        responses: {
+            /** @description What became of each session */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["FleetChanged"];
+                };
+            };
+            /** @description The body cannot be read */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The API key is missing or not valid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the required roles: robot, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The body did not arrive in time */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The content type is not one of those expected */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A value is invalid; `errors` names it */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *       "errors": [
+                     *         {
+                     *           "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *           "pointer": "/readings/0/pose/orientation"
+                     *         }
+                     *       ],
+                     *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 422,
+                     *       "title": "Invalid value",
+                     *       "type": "urn:palpate:problem:invalid-value"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
+            429: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal error, or the stored data is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
+            503: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The disk is full: nothing was stored */
+            507: {
+                headers: {
                     [name: string]: unknown;
                 };
                 content: {

@@ -4,19 +4,31 @@ import { Badge } from "../parts/Panel";
 import { ProbabilityBars, shares } from "../parts/ProbabilityBars";
 import { Sparkline } from "../parts/Sparkline";
 import { link } from "../router";
-import { attention } from "./attention";
 import type { Watched } from "./watch";
 
-export function FleetRow({ watched }: { watched: Watched }) {
+export function FleetRow(props: {
+  watched: Watched;
+  selected: boolean;
+  onSelect: (id: string, isSelected: boolean) => void;
+}) {
+  const { watched, selected, onSelect } = props;
   const { info, belief, trace } = watched;
   const { session } = info;
-  const { level, why } = attention(watched, now.value);
+  const { level, reason, is_needed, muted_until } = info.attention;
+  const isSeen = !is_needed && (level === "surprising" || level === "stuck");
   const robots = info.robots.length > 0 ? info.robots.join(", ") : "no robot yet";
   const entropy = trace.at(-1)?.entropyBits;
   const first = trace[0]?.entropyBits;
   const nReadings = belief?.n_readings ?? session.n_readings;
   return (
-    <li class={`fleet-row level-${level}`}>
+    <li class={`fleet-row level-${isSeen ? "seen" : level}`}>
+      <input
+        type="checkbox"
+        class="fleet-check"
+        checked={selected}
+        aria-label={`Select ${robots}, session ${shortId(session.id)}`}
+        onChange={(event) => onSelect(session.id, event.currentTarget.checked)}
+      />
       <div class="fleet-who">
         <a href={link("sessions", session.id)} class="fleet-link">
           {robots}
@@ -29,7 +41,7 @@ export function FleetRow({ watched }: { watched: Watched }) {
         {belief ? (
           <ProbabilityBars of={shares(belief.objects, belief.unknown ?? 0, 3)} label={`Likeliest objects of ${robots}`} />
         ) : (
-          <span class="faint">loading belief …</span>
+          <span class="faint">{nReadings === 0 ? "nothing felt yet" : "loading belief …"}</span>
         )}
       </div>
       <div class="fleet-entropy">
@@ -43,8 +55,11 @@ export function FleetRow({ watched }: { watched: Watched }) {
         {watched.lastReadingAt === undefined ? "–" : `${age(now.value - watched.lastReadingAt)} ago`}
       </div>
       <div class="fleet-state">
-        <Badge kind={level}>{level}</Badge>
-        <span class="faint">{why}</span>
+        <Badge kind={isSeen ? "seen" : level}>{isSeen ? `${level}, ${muted_until ? "muted" : "seen"}` : level}</Badge>
+        <span class="faint">
+          {reason}
+          {is_needed && ` · ${age(Math.max(0, now.value - watched.since))} ago`}
+        </span>
       </div>
     </li>
   );

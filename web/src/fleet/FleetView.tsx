@@ -1,30 +1,38 @@
 // The fleet: open sessions, those that need attention first.
-import { useEffect, useRef } from "preact/hooks";
+import { useEffect, useRef, useState } from "preact/hooks";
 import { announce } from "../announce";
 import { NO_LINE } from "../api/pulse";
-import { now, percent, plural } from "../format";
+import { percent, plural } from "../format";
 import { TouchCommands } from "../parts/Commands";
 import { Empty, Loading, ProblemNote } from "../parts/Notes";
 import { Live } from "../parts/Live";
 import { ViewHead } from "../parts/Panel";
-import { attention, byAttention } from "./attention";
+import { FleetActions } from "./FleetActions";
 import { FleetRow } from "./FleetRow";
-import { fleet, watchFleet } from "./watch";
+import { fleet, pages, relist, watchFleet } from "./watch";
 import type { Watched } from "./watch";
 
 export function FleetView() {
   useEffect(() => watchFleet(), []);
-  const { sessions, nOpen, loaded, line, problem } = fleet.value;
-  const sorted = [...sessions].sort(byAttention(now.value));
-  const nUrgent = sorted.filter((one) => ["surprising", "stuck"].includes(attention(one, now.value).level)).length;
-  useAnnouncements(sorted);
+  const [selected, setSelected] = useState<ReadonlySet<string>>(new Set());
+  const { sessions, nOpen, nNeeded, more, loaded, line, problem } = fleet.value;
+  useAnnouncements(sessions);
+  useTitle(nNeeded, loaded);
+  const chosen = sessions.map((one) => one.info.session.id).filter((id) => selected.has(id));
+  const select = (id: string, isSelected: boolean) => {
+    const next = new Set(chosen);
+    if (isSelected) next.add(id);
+    else next.delete(id);
+    setSelected(next);
+  };
+  const needed = sessions.filter((one) => one.info.attention.is_needed).map((one) => one.info.session.id);
   return (
     <>
       <ViewHead
         title="Fleet"
         sub={
           loaded && !problem
-            ? `${plural(nOpen, "open session")}${nUrgent > 0 ? `, ${nUrgent} need attention` : ""}`
+            ? `${plural(nOpen, "open session")}${nNeeded > 0 ? `, ${nNeeded} need attention` : ""}`
             : "Open sessions, live"
         }
       >
@@ -35,7 +43,9 @@ export function FleetView() {
       {loaded && !problem && sessions.length === 0 && <NoSessions />}
       {loaded && sessions.length > 0 && (
         <>
+          <FleetActions chosen={chosen} needed={needed} onSelect={(ids) => setSelected(new Set(ids))} />
           <div class="fleet-head" aria-hidden="true">
+            <span />
             <span>Robot · session</span>
             <span>It is</span>
             <span>Uncertainty</span>
@@ -43,17 +53,34 @@ export function FleetView() {
             <span>State</span>
           </div>
           <ul class="fleet" aria-label="Open sessions, those that need attention first">
-            {sorted.map((watched) => (
-              <FleetRow key={watched.info.session.id} watched={watched} />
+            {sessions.map((watched) => (
+              <FleetRow
+                key={watched.info.session.id}
+                watched={watched}
+                selected={selected.has(watched.info.session.id)}
+                onSelect={select}
+              />
             ))}
           </ul>
-          {nOpen > sessions.length && (
-            <p class="faint">The {sessions.length} most recent of {nOpen} open sessions are shown.</p>
+          {more && (
+            <p class="faint">
+              {sessions.length} of {nOpen} open sessions are shown.{" "}
+              <button type="button" class="small" onClick={() => void (pages.value++, relist())}>
+                Show more
+              </button>
+            </p>
           )}
         </>
       )}
     </>
   );
+}
+
+/** Shows in the tab's title how many sessions need attention. */
+function useTitle(nNeeded: number, loaded: boolean): void {
+  useEffect(() => {
+    document.title = `${nNeeded > 0 ? `(${nNeeded}) ` : ""}Fleet · Palpate`;
+  }, [nNeeded, loaded]);
 }
 
 function NoSessions() {
@@ -70,7 +97,7 @@ function useAnnouncements(sessions: Watched[]): void {
   const said = useRef(new Map<string, string>());
   useEffect(() => {
     for (const watched of sessions) {
-      const { level, why } = attention(watched, now.value);
+      const { level, reason } = watched.info.attention;
       const id = watched.info.session.id;
       const last = watched.trace.at(-1);
       const key = `${level} ${last?.best ?? ""}`;
@@ -78,7 +105,7 @@ function useAnnouncements(sessions: Watched[]): void {
       said.current.set(id, key);
       if (before === undefined || before === key || (level !== "sure" && level !== "surprising")) continue;
       const robot = watched.info.robots[0] ?? "A session";
-      const words = level === "sure" ? `${last?.best} with ${percent(last?.probability ?? 0)}` : why;
+      const words = level === "sure" ? `${last?.best} with ${percent(last?.probability ?? 0)}` : reason;
       announce(`${robot}: ${words}`);
     }
   }, [sessions]);

@@ -1,10 +1,11 @@
-// State of the open sessions: listed every few seconds, and followed by one event stream.
+// State of the open sessions: listed every few seconds in the server's order, those that need
+// attention first, and followed by one event stream.
 import { signal } from "@preact/signals";
 import { follow } from "../api/events";
 import { getJson } from "../api/http";
 import { NO_LINE, type Line } from "../api/pulse";
 import { problemFrom } from "../api/resource";
-import type { Belief, Fleet, FleetSession, Problem, Replay, SessionEvent } from "../api/types";
+import type { Belief, Fleet, FleetSession, Problem, SessionEvent, TracePoint as Point } from "../api/types";
 
 /** State of an open session. */
 export interface Watched {
@@ -14,6 +15,8 @@ export interface Watched {
   trace: TracePoint[];
   /** When its newest reading arrived, by this browser's clock. */
   lastReadingAt: number | undefined;
+  /** Since when its state holds, by this browser's clock. */
+  since: number;
 }
 
 export interface TracePoint {
@@ -28,6 +31,8 @@ export interface TracePoint {
 export interface FleetState {
   sessions: Watched[];
   nOpen: number;
+  nNeeded: number;
+  more: boolean;
   loaded: boolean;
   line: Line;
   problem: Problem | undefined;
@@ -35,44 +40,49 @@ export interface FleetState {
 
 const LIST_EVERY_MS = 3000;
 const LIST_TIMEOUT_MS = 10_000;
-/** Maximum wait of the first list for histories. */
-const SETTLE_MS = 1500;
-/** Sessions with more revisions than this start their trace now. */
-const REPLAY_MAX = 120;
+/** Pause between an event and the list that it brings up to date. */
+const SETTLE_MS = 500;
+/** Number of sessions of a page, and of those whose beliefs one stream of events follows. */
+const PAGE = 100;
+
+/** Number of pages shown. */
+export const pages = signal(1);
 
 export const fleet = signal<FleetState>({
   sessions: [],
   nOpen: 0,
+  nNeeded: 0,
+  more: false,
   loaded: false,
   line: NO_LINE,
   problem: undefined,
 });
+
+let listNow: () => Promise<void> = async () => {};
+
+/** Lists the sessions again, after somebody has changed them. */
+export function relist(): Promise<void> {
+  return listNow();
+}
 
 /** Starts watching; the returned function stops it. */
 export function watchFleet(): () => void {
   const whole = new AbortController();
   let stream = new AbortController();
   let followed = "";
-  /** Offset of this browser's clock from the server's. */
-  let clockAhead = 0;
-  const asked = new Set<string>();
+  let settling: ReturnType<typeof setTimeout> | undefined;
 
   let isListing = false;
   const list = async () => {
     if (isListing) return;
     isListing = true;
     try {
-      const found = await getJson<Fleet>("/v1/fleet", whole.signal, LIST_TIMEOUT_MS);
-      isListing = false;
-      clockAhead = Date.now() - Date.parse(found.at);
-      merge(found, clockAhead);
-      const ids = found.sessions.map((one) => one.session.id).sort();
-      const isNew = ids.join() !== followed;
-      if (isNew) restart(ids);
-      if (fleet.value.loaded) return void (isNew && history(ids));
-      // The first list waits for the histories, so that its order is stable.
-      await Promise.race([history(ids), new Promise((resolve) => setTimeout(resolve, SETTLE_MS))]);
-      fleet.value = { ...fleet.value, loaded: true };
+      let found = await everyPage(whole.signal, !fleet.value.loaded);
+      // Sessions that are new here come with their past.
+      if (fleet.value.loaded && found.sessions.some(isNew)) found = await everyPage(whole.signal, true);
+      merge(found, Date.now() - Date.parse(found.at));
+      const ids = found.sessions.slice(0, PAGE).map((one) => one.session.id).sort();
+      if (ids.join() !== followed) restart(ids);
     } catch (error) {
       if (!whole.signal.aborted) fleet.value = { ...fleet.value, loaded: true, problem: problemFrom(error) };
     } finally {
@@ -86,7 +96,14 @@ export function watchFleet(): () => void {
     followed = ids.join();
     if (ids.length === 0) return;
     const path = `/v1/events?sessions=${ids.map(encodeURIComponent).join(",")}`;
-    follow(path, stream.signal, (event) => take(JSON.parse(event.data) as SessionEvent), (line) => {
+    const told = (event: SessionEvent) => {
+      take(event);
+      settling ??= setTimeout(() => {
+        settling = undefined;
+        void list();
+      }, SETTLE_MS);
+    };
+    follow(path, stream.signal, (event) => told(JSON.parse(event.data) as SessionEvent), (line) => {
       fleet.value = { ...fleet.value, line };
     }).catch(() => {
       // The session is gone; the next list omits it.
@@ -95,31 +112,37 @@ export function watchFleet(): () => void {
     });
   };
 
-  const history = async (ids: string[]) => {
-    for (const id of ids.filter((one) => !asked.has(one))) {
-      asked.add(id);
-      const revision = find(id)?.info.session.revision ?? 0;
-      if (revision === 0 || revision > REPLAY_MAX || whole.signal.aborted) continue;
-      try {
-        const path = `/v1/sessions/${id}/replay?limit=${REPLAY_MAX}&poses=0`;
-        remember(id, await getJson<Replay>(path, whole.signal));
-      } catch {
-        // Without its history the session is still listed; the next list requests it again.
-        asked.delete(id);
-      }
-    }
-  };
-
   fleet.value = { ...fleet.value, loaded: false, line: NO_LINE };
+  listNow = list;
   void list();
   const timer = setInterval(() => {
     if (!document.hidden) void list();
   }, LIST_EVERY_MS);
   return () => {
     clearInterval(timer);
+    clearTimeout(settling);
+    listNow = async () => {};
     whole.abort();
     stream.abort();
   };
+}
+
+/** The first pages of the fleet as one. */
+async function everyPage(signal: AbortSignal, withTrace: boolean): Promise<Fleet> {
+  const get = (cursor: string) =>
+    getJson<Fleet>(`/v1/fleet?limit=${PAGE}&trace=${withTrace}${cursor}`, signal, LIST_TIMEOUT_MS);
+  const found = await get("");
+  for (let page = 1; page < pages.value && found.next_cursor; page++) {
+    const next = await get(`&cursor=${encodeURIComponent(found.next_cursor)}`);
+    const known = new Set(found.sessions.map((one) => one.session.id));
+    found.sessions.push(...next.sessions.filter((one) => !known.has(one.session.id)));
+    found.next_cursor = next.next_cursor ?? null;
+  }
+  return found;
+}
+
+function isNew(one: FleetSession): boolean {
+  return one.latest !== null && one.latest !== undefined && find(one.session.id) === undefined;
 }
 
 function find(id: string): Watched | undefined {
@@ -131,9 +154,19 @@ function merge(found: Fleet, clockAhead: number): void {
     const known = find(info.session.id);
     const last = info.last_reading_at;
     const lastReadingAt = last ? Date.parse(last) + clockAhead : undefined;
-    return { belief: known?.belief, trace: known?.trace ?? [], info, lastReadingAt };
+    const listed = [...info.trace, ...(info.latest ? [info.latest] : [])].map(shortened);
+    const since = Date.parse(info.attention.since) + clockAhead;
+    return { belief: known?.belief, trace: joined(listed, known?.trace ?? []), info, lastReadingAt, since };
   });
-  fleet.value = { ...fleet.value, sessions, nOpen: found.n_open, problem: undefined };
+  fleet.value = {
+    ...fleet.value,
+    sessions,
+    nOpen: found.n_open,
+    nNeeded: found.n_needed,
+    more: Boolean(found.next_cursor),
+    loaded: true,
+    problem: undefined,
+  };
 }
 
 function change(id: string, how: (watched: Watched) => Watched | undefined): void {
@@ -162,16 +195,15 @@ function take(event: SessionEvent): void {
   }
 }
 
-function remember(id: string, replay: Replay): void {
-  const points = replay.steps.map((step): TracePoint => ({
-    revision: step.revision,
-    nReadings: step.n_readings,
-    entropyBits: step.entropy_bits,
-    best: step.best?.name,
-    probability: step.best?.probability ?? 0,
-    unknown: step.unknown,
-  }));
-  change(id, (one) => ({ ...one, trace: joined(points, one.trace) }));
+function shortened(point: Point): TracePoint {
+  return {
+    revision: point.revision,
+    nReadings: point.n_readings,
+    entropyBits: point.entropy_bits,
+    best: point.best?.name,
+    probability: point.best?.probability ?? 0,
+    unknown: point.unknown,
+  };
 }
 
 function pointOf(belief: Belief): TracePoint {

@@ -276,6 +276,7 @@ impl Sessions {
     /// Registers the end of a session.
     fn leave(&self, id: Uuid) {
         self.open.leave(id);
+        self.tools.traces.forget(id);
         self.sensors.health().note(id);
         self.tools.checkpoints.remove(id);
     }

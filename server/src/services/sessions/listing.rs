@@ -1,34 +1,13 @@
-//! Lists of sessions: all by their ids, the open ones by their last change, and the readings of
-//! one.
-
-use std::collections::BTreeSet;
-use std::sync::Arc;
+//! Lists of sessions by their ids, and the readings of one.
 
 use palpate_schemas as wire;
 use palpate_schemas::SessionState;
-use palpate_store::entity::Session;
-use palpate_store::journal::{Entry, Event, Limit};
+use palpate_store::journal::{Event, Limit};
 use uuid::Uuid;
 
 use super::Sessions;
 use crate::cause::Cause;
-use crate::clock::now_ms;
-use crate::live::status;
-use crate::wire::life::Status;
-use crate::wire::{
-    PAGE_BYTES, count, cursor, page_id, page_length, page_number, reading, time, within,
-};
-
-/// Maximum number of sessions in an answer: as many as one stream of events follows.
-const SESSIONS_MAX: u64 = 100;
-/// Number of newest readings whose robots are named.
-const READINGS: u64 = 64;
-
-/// An open session and its status.
-struct OpenSession {
-    session: Session,
-    status: Status,
-}
+use crate::wire::{PAGE_BYTES, cursor, page_id, page_length, page_number, reading};
 
 impl Sessions {
     pub(crate) fn get(&self, id: &str) -> Result<wire::Session, Cause> {
@@ -86,17 +65,6 @@ impl Sessions {
         Ok(wire::SessionReadingPage { items, next_cursor: (!is_last).then(|| next.to_string()) })
     }
 
-    /// The open sessions.
-    pub(crate) async fn fleet(
-        self: &Arc<Self>,
-        query: wire::FleetQuery,
-    ) -> Result<wire::Fleet, Cause> {
-        let asked = query.limit.map_or(SESSIONS_MAX, u64::from);
-        let limit = within("?limit", asked, 1, SESSIONS_MAX)? as usize;
-        let sessions = Arc::clone(self);
-        self.tools.pool.place()?.run_long(move || sessions.fleet_now(limit)).await?
-    }
-
     fn list_open(&self, after: Option<Uuid>, limit: usize) -> Result<wire::SessionPage, Cause> {
         let (ids, more) = self.open.page(after, limit);
         let next_cursor = cursor(ids.last().copied().filter(|_| more));
@@ -107,46 +75,5 @@ impl Sessions {
         }
         items.retain(|session| session.state == SessionState::Open);
         Ok(wire::SessionPage { items, next_cursor })
-    }
-
-    fn fleet_now(&self, limit: usize) -> Result<wire::Fleet, Cause> {
-        let now = now_ms();
-        let mut open = self.open_now(now)?;
-        let n_open = count(open.len());
-        // Among sessions changed in one millisecond, those with entries changed after they began.
-        let newest =
-            |one: &OpenSession| (one.status.changed_at_ms, one.status.length > 0, one.session.id);
-        open.sort_by_key(|one| std::cmp::Reverse(newest(one)));
-        let sessions: Result<_, _> =
-            open.into_iter().take(limit).map(|one| self.fleet_session(one)).collect();
-        Ok(wire::Fleet { at: time(now), n_open, sessions: sessions? })
-    }
-
-    fn open_now(&self, now: u64) -> Result<Vec<OpenSession>, Cause> {
-        let mut open = Vec::new();
-        for id in self.open.page(None, usize::MAX).0 {
-            // A session deleted or damaged meanwhile is not open any more.
-            let Ok(Some(session)) = self.tools.store.sessions().find(id) else { continue };
-            let status = status(&self.tools.store, &session, now)?;
-            if status.end.is_none() {
-                open.push(OpenSession { session, status });
-            }
-        }
-        Ok(open)
-    }
-
-    fn fleet_session(&self, one: OpenSession) -> Result<wire::FleetSession, Cause> {
-        let OpenSession { session, status, .. } = one;
-        let from = status.length.saturating_sub(READINGS);
-        let entries = self.tools.store.journal().entries(session.id, from, READINGS as usize)?;
-        let is_reading = |entry: &&Entry| matches!(entry.event, Event::Reading(_));
-        let newest = entries.iter().rev().find(is_reading);
-        let ids = entries.iter().filter_map(|entry| entry.reading_id.as_ref());
-        let robots: BTreeSet<&str> = ids.map(|id| id.robot.as_str()).collect();
-        Ok(wire::FleetSession {
-            robots: robots.into_iter().map(str::to_owned).collect(),
-            last_reading_at: newest.map(|entry| time(entry.received_at_ms)),
-            session: self.show_as(&session, status)?,
-        })
     }
 }
