@@ -151,10 +151,11 @@ impl Server {
         if let Some(found) = config.cors_origins.iter().find(|origin| !is_origin(origin)) {
             return Err(StartError::Origin { found: found.clone() });
         }
+        // First: metrics of what follows are lost without it.
+        telemetry::metrics_handle();
         let tls_files = config.tls.clone();
         let tls = tls_files.as_ref().map(tls::configure).transpose()?.map(watch::Sender::new);
         let scheme = if tls.is_some() { "https" } else { "http" };
-        telemetry::metrics_handle();
         let listener = TcpListener::bind(address)
             .await
             .map_err(|source| StartError::Listen { address, source })?;

@@ -4,4 +4,5 @@
 mod keys;
 mod load;
 mod story;
+mod supervised;
 mod support;
