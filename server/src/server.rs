@@ -93,6 +93,9 @@ pub enum StartError {
     /// The operating system has no random bits for the first key.
     #[error("cannot make the first key: {0}")]
     Random(#[from] getrandom::Error),
+    /// A first admin key for a server without keys.
+    #[error("the access is `open`, which needs no keys, but a first admin key is given")]
+    NeedlessKey,
     /// The operating system gives no threads.
     #[error("cannot start threads: {0}")]
     Threads(#[from] std::io::Error),
@@ -148,6 +151,9 @@ impl Server {
         if is_exposed && config.access == Access::Open {
             return Err(StartError::InsecureBind { address });
         }
+        if config.access == Access::Open && config.first_admin_key.is_some() {
+            return Err(StartError::NeedlessKey);
+        }
         if let Some(found) = config.cors_origins.iter().find(|origin| !is_origin(origin)) {
             return Err(StartError::Origin { found: found.clone() });
         }
@@ -164,8 +170,9 @@ impl Server {
         let engine = open(&config).await?;
         let store = database(Arc::clone(&engine), config.migrate).await?;
         let store = store.with_accounts(storage::accounts(config.store_quota_bytes));
+        let (access, chosen) = (config.access, config.first_admin_key.clone());
         let (keys, admin_key) =
-            Keys::open(store.clone(), config.access, config.new_admin_key).await?;
+            Keys::open(store.clone(), access, config.new_admin_key, chosen).await?;
         let keys = Arc::new(keys);
         if is_exposed && !keys.required() {
             return Err(StartError::InsecureBind { address });

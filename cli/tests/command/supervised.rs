@@ -1,11 +1,18 @@
-//! Tests of what a supervisor sees of the server: metrics from the first moment.
+//! Tests of what a supervisor sees of the server: metrics from the first moment, and a first admin key
+//! that comes from a secret.
 
+use std::fs;
 use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
+use std::path::Path;
 
 use tempfile::TempDir;
 
-use crate::support::{Server, stderr};
+use crate::support::{Server, palpate, stderr, stdout};
+
+/// A key as an operator may choose it.
+const CHOSEN: &str = "palpate_7b1c0e9f52d84a63b0c1d2e3f4a59687_\
+    9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08";
 
 /// The body of an answer, without a key.
 fn get(server: &Server, path: &str) -> String {
@@ -63,4 +70,56 @@ fn the_time_of_the_newest_snapshot_is_a_metric() {
     let at: f64 = line.unwrap().split(' ').nth(1).unwrap().parse().unwrap();
     let now = std::time::UNIX_EPOCH.elapsed().unwrap().as_secs_f64();
     assert!((0.0..60.0).contains(&(now - at)), "{at}, now {now}");
+}
+
+/// A file with a text.
+fn file(folder: &Path, text: &str) -> String {
+    let path = folder.join("first.key");
+    fs::write(&path, text).unwrap();
+    path.display().to_string()
+}
+
+#[test]
+fn the_first_admin_key_comes_from_a_secret() {
+    let folder = TempDir::new().unwrap();
+    let data = folder.path().join("data");
+    let arguments =
+        format!("--first-admin-key-file {}", file(folder.path(), &format!("{CHOSEN}\n")));
+    let server = Server::start(&data, &arguments);
+    let who = server.run(CHOSEN, "whoami");
+    assert!(stdout(&who).starts_with("admin, admin"), "{}", stderr(&who));
+    assert!(!server.run("", "objects list").status.success());
+    // It is not repeated anywhere.
+    let secret = &CHOSEN[41..];
+    assert!(!server.started.to_string().contains(secret) && !data.join("admin.key").exists());
+    let made = server.run(CHOSEN, "keys create me --role admin");
+    let made = stdout(&made);
+    let mine = made.lines().find(|line| line.starts_with("palpate_")).unwrap().to_owned();
+    assert!(server.run(&mine, "keys revoke admin").status.success());
+    let log = server.log();
+    assert!(!log.contains(secret), "{log}");
+    // A revoked key does not come back while there is another admin's.
+    let server = Server::start(&data, &arguments);
+    assert!(!server.run(CHOSEN, "whoami").status.success());
+    assert!(server.run(&mine, "whoami").status.success());
+}
+
+#[test]
+fn weak_first_keys_and_open_access_are_refused() {
+    let folder = TempDir::new().unwrap();
+    let check = |text: &str, access: &str, expected: &str| {
+        let data = folder.path().join("data");
+        let key = file(folder.path(), text);
+        let command = format!("serve --listen 127.0.0.1:0 --first-admin-key-file {key}");
+        let mut command =
+            palpate(&format!("{command} --access {access} --data {}", data.display()));
+        let refused = command.output().unwrap();
+        assert_eq!(refused.status.code(), Some(1), "{expected}");
+        let said = stderr(&refused);
+        assert!(said.contains(expected) && !said.contains(text), "{said}");
+        assert!(!data.exists(), "{expected}");
+    };
+    check("secret123", "keys", "64 hexadecimal digits");
+    check(&format!("{}{}", &CHOSEN[..41], "00".repeat(32)), "keys", "too regular");
+    check(CHOSEN, "open", "needs no keys");
 }
