@@ -215,6 +215,12 @@ impl Server {
         Ok(Self { local_addr, stop, serving, working, sessions, audit, engine, scheme, admin_key })
     }
 
+    /// `http`, or `https` with a certificate.
+    #[must_use]
+    pub fn scheme(&self) -> &'static str {
+        self.scheme
+    }
+
     /// The server's URL, such as `http://127.0.0.1:7411`.
     #[must_use]
     pub fn address(&self) -> String {

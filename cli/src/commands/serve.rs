@@ -16,6 +16,7 @@ use serde_json::json;
 
 use crate::admin_key::{AdminKeyFile, chosen};
 use crate::output::Output;
+use crate::supervisor::{self, Notice};
 
 /// Default address of a server.
 pub(crate) const DEFAULT_LISTEN: &str = "127.0.0.1:7411";
@@ -309,12 +310,17 @@ pub(crate) async fn run(args: ServeArgs, output: Output) -> anyhow::Result<()> {
             (None, None) => serving,
         }
     })?;
-    let stopped = until_told_to_stop().await;
+    supervisor::tell(Notice::Ready);
+    let (scheme, listening) = (server.scheme(), server.local_addr());
+    let watching = tokio::spawn(async move { supervisor::watch(scheme, listening).await });
+    let stopped = supervisor::until_told_to_stop().await;
+    supervisor::tell(Notice::Stopping);
     // A second Ctrl-C does not wait for requests in progress.
     tokio::select! {
         () = server.shutdown() => {}
         _ = tokio::signal::ctrl_c() => {}
     }
+    watching.abort();
     stopped
 }
 
@@ -384,22 +390,4 @@ fn config(args: ServeArgs) -> Config {
         store_quota_bytes: Some(args.store_quota_mb * 1_000_000).filter(|bytes| *bytes > 0),
         ..usual
     }
-}
-
-/// Waits for Ctrl-C, or SIGTERM where it exists.
-#[cfg(unix)]
-pub(crate) async fn until_told_to_stop() -> anyhow::Result<()> {
-    use tokio::signal::unix::{SignalKind, signal};
-    let mut terminate = signal(SignalKind::terminate())?;
-    tokio::select! {
-        interrupted = tokio::signal::ctrl_c() => interrupted?,
-        _ = terminate.recv() => {}
-    }
-    Ok(())
-}
-
-/// Waits for Ctrl-C.
-#[cfg(not(unix))]
-pub(crate) async fn until_told_to_stop() -> anyhow::Result<()> {
-    Ok(tokio::signal::ctrl_c().await?)
 }

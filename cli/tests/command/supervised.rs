@@ -1,10 +1,12 @@
-//! Tests of what a supervisor sees of the server: metrics from the first moment, and a first admin key
-//! that comes from a secret.
+//! Tests of what a supervisor sees of the server: metrics from the first moment, notices to systemd,
+//! and a first admin key that comes from a secret.
 
 use std::fs;
-use std::io::{Read as _, Write as _};
+use std::io::{ErrorKind, Read as _, Write as _};
 use std::net::TcpStream;
+use std::os::unix::net::UnixDatagram;
 use std::path::Path;
+use std::time::Duration;
 
 use tempfile::TempDir;
 
@@ -70,6 +72,70 @@ fn the_time_of_the_newest_snapshot_is_a_metric() {
     let at: f64 = line.unwrap().split(' ').nth(1).unwrap().parse().unwrap();
     let now = std::time::UNIX_EPOCH.elapsed().unwrap().as_secs_f64();
     assert!((0.0..60.0).contains(&(now - at)), "{at}, now {now}");
+}
+
+/// The next notice of a server; `None` when there is none within the socket's time limit.
+fn notice(socket: &UnixDatagram) -> Option<String> {
+    let mut bytes = [0; 256];
+    match socket.recv(&mut bytes) {
+        Ok(n) => Some(String::from_utf8(bytes[..n].to_vec()).unwrap().trim().to_owned()),
+        Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => None,
+        Err(error) => panic!("{error}"),
+    }
+}
+
+/// Plays systemd for a server: its watchdog is content until the server is frozen.
+fn supervise(arguments: &str) {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("notify");
+    let socket = UnixDatagram::bind(&path).unwrap();
+    socket.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
+    let variables = [("NOTIFY_SOCKET", path.to_str().unwrap()), ("WATCHDOG_USEC", "900000")];
+    let server = Server::start_with(&folder.path().join("data"), arguments, &variables);
+    for expected in ["READY=1", "WATCHDOG=1", "WATCHDOG=1", "WATCHDOG=1"] {
+        assert_eq!(notice(&socket).as_deref(), Some(expected));
+    }
+    server.signal("STOP");
+    // Notices that were sent before it froze, then none for longer than the watchdog waits.
+    socket.set_read_timeout(Some(Duration::from_secs(2))).unwrap();
+    assert!((0..20).any(|_| notice(&socket).is_none()), "a frozen server notifies");
+    server.signal("CONT");
+    socket.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
+    assert_eq!(notice(&socket).as_deref(), Some("WATCHDOG=1"));
+    server.signal("TERM");
+    assert!((0..20).any(|_| notice(&socket).as_deref() == Some("STOPPING=1")), "no STOPPING=1");
+    assert!(server.ended_well());
+}
+
+#[test]
+fn systemd_sees_a_server_ready_answering_frozen_and_stopping() {
+    supervise("");
+}
+
+#[test]
+fn a_server_with_tls_answers_itself_and_says_when_it_ends() {
+    let folder = TempDir::new().unwrap();
+    // The name is not the address at which the server asks itself.
+    let made = rcgen::KeyPair::generate().unwrap();
+    let mut params = rcgen::CertificateParams::new(vec!["palpate.lab".to_owned()]).unwrap();
+    params.not_after = rcgen::date_time_ymd(2040, 1, 2);
+    let certificate = params.self_signed(&made).unwrap();
+    let (cert, key) = (folder.path().join("cert.pem"), folder.path().join("key.pem"));
+    fs::write(&cert, certificate.pem()).unwrap();
+    fs::write(&key, made.serialize_pem()).unwrap();
+    let arguments = format!("--tls-cert {} --tls-key {}", cert.display(), key.display());
+    let server = Server::start(&folder.path().join("data"), &arguments);
+    let asking = async {
+        let client = reqwest::Client::builder().tls_danger_accept_invalid_certs(true);
+        let url = format!("{}/metrics", server.said("server"));
+        client.build().unwrap().get(url).send().await.unwrap().text().await.unwrap()
+    };
+    let _ = rustls::crypto::ring::default_provider().install_default();
+    let figures = tokio::runtime::Runtime::new().unwrap().block_on(asking);
+    // 70 years with 17 leap days, and a day, after 1970.
+    let expected = format!("palpate_certificate_expiry_timestamp_seconds {}", 25_568 * 86_400_u64);
+    assert!(figures.lines().any(|line| line == expected), "{figures}");
+    supervise(&arguments);
 }
 
 /// A file with a text.
