@@ -1,13 +1,23 @@
-//! The file for the first admin key, readable only by its owner.
+//! The first admin key: a file with the key that an operator has chosen, or a file for the key that
+//! the server creates, readable only by its owner.
 //!
-//! It is created before the server starts, so that no key is made that cannot be written down.
+//! The latter is created before the server starts, so that no key is made that cannot be written down.
 
 use std::fs::{self, File};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
+use palpate_server::ChosenKey;
 use palpate_store::private;
+
+/// Reads a key that the operator has chosen.
+pub(crate) fn chosen(file: &Path) -> anyhow::Result<ChosenKey> {
+    let shown = file.display();
+    let text = fs::read_to_string(file)
+        .with_context(|| format!("cannot read the first admin key in {shown}"))?;
+    text.parse().with_context(|| format!("{shown} holds no key for the first admin"))
+}
 
 /// A file for a new key. Without a new key, an existing file stays unchanged.
 pub(crate) struct AdminKeyFile {

@@ -18,6 +18,7 @@ mod explorer;
 mod settings;
 #[cfg(feature = "otlp")]
 mod spans;
+mod supervisor;
 mod symmetry;
 mod verdict;
 mod trial;

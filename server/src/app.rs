@@ -118,6 +118,8 @@ impl App {
         process::measure();
         metrics::gauge!("palpate_sessions_in_memory").set(self.sessions.n_live() as f64);
         metrics::gauge!("palpate_sessions_open").set(self.sessions.n_open() as f64);
+        let sessions_max = self.config.sessions_open_max as f64;
+        metrics::gauge!("palpate_sessions_open_max").set(sessions_max);
         metrics::gauge!("palpate_jobs_unfinished").set(self.jobs.n_unfinished() as f64);
         metrics::gauge!("palpate_compute_places_free").set(self.pool.n_free() as f64);
         self.sensors.health().measure();

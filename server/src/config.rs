@@ -10,6 +10,7 @@ use palpate_store::audit::RingSizes;
 use palpate_store::sled::{FreeSpace, RESERVE_BYTES, SLACK_BYTES};
 
 use crate::door::Patience;
+use crate::secret::ChosenKey;
 use crate::tls::TlsFiles;
 
 /// Whether requests need an API key.
@@ -49,6 +50,8 @@ pub struct Config {
     pub access: Access,
     /// Creates another admin's key at the start, for operators who have lost theirs.
     pub new_admin_key: bool,
+    /// The first admin's key, if the operator chooses it; used only where one would be created.
+    pub first_admin_key: Option<ChosenKey>,
     /// Permits reading `/metrics` without a key.
     pub open_metrics: bool,
     /// The certificate and key for TLS; plain HTTP without.
@@ -142,6 +145,7 @@ impl Config {
             host_names: Vec::new(),
             access: Access::Auto,
             new_admin_key: false,
+            first_admin_key: None,
             open_metrics: false,
             tls: None,
             cors_origins: Vec::new(),

@@ -6,12 +6,14 @@
 //! is the order in which modules may use each other: `tests/whole/house.rs` enforces it.
 
 mod clock;
+mod figures;
 mod process;
 mod secret;
 mod limits;
 mod client;
 mod budget;
 mod door;
+mod certificate;
 pub mod tls;
 pub mod config;
 mod asker;
@@ -42,4 +44,5 @@ pub mod server;
 pub use config::{Access, Config};
 pub use door::Patience;
 pub use palpate_store::sled::FreeSpace;
+pub use secret::{ChosenKey, ChosenKeyError};
 pub use server::{Server, StartError};

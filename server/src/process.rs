@@ -1,7 +1,8 @@
 //! Figures of this process for Prometheus, as Linux gives them in `/proc`: memory, processor
-//! time, threads, open files. Other systems have no `/proc`, and no figures.
+//! time, threads, open files, and the limit on its memory. Other systems have no `/proc`, and no figures.
 
 use std::fs;
+use std::path::Path;
 
 /// Ticks of `/proc` in a second: the same on every Linux.
 const TICKS: f64 = 100.0;
@@ -11,6 +12,25 @@ pub(crate) fn measure() {
     for (name, value) in figures() {
         metrics::gauge!(name).set(value);
     }
+    let read = |file| fs::read_to_string(file).unwrap_or_default();
+    let limit = memory_limit(Path::new("/sys/fs/cgroup"), &read("/proc/self/cgroup"));
+    let machine = number(&read("/proc/meminfo"), "MemTotal:").map(|kib| 1024 * kib as u64);
+    if let Some(bytes) = limit.into_iter().chain(machine).min() {
+        metrics::gauge!("palpate_memory_limit_bytes").set(bytes as f64);
+    }
+}
+
+/// The bytes of memory beyond which the kernel throttles or kills the process: the least limit of
+/// its control group and of those around it. `None` without a limit, or without control groups of
+/// version 2; then the machine's memory is the limit.
+fn memory_limit(root: &Path, groups: &str) -> Option<u64> {
+    let own = groups.lines().find_map(|line| line.strip_prefix("0::/"))?;
+    let own = root.join(own);
+    let around = own.ancestors().take_while(|folder| folder.starts_with(root));
+    let files =
+        around.flat_map(|folder| ["memory.max", "memory.high"].map(|name| folder.join(name)));
+    // Without a limit the file holds `max`.
+    files.filter_map(|file| fs::read_to_string(file).ok()?.trim().parse().ok()).min()
 }
 
 /// The readable figures, by the names that Prometheus clients share.
@@ -48,6 +68,24 @@ mod tests {
     use std::collections::BTreeMap;
 
     use super::*;
+
+    #[test]
+    fn the_least_limit_of_the_control_groups_counts() {
+        let root = tempfile::TempDir::new().unwrap();
+        let own = root.path().join("system.slice/palpate.service");
+        fs::create_dir_all(&own).unwrap();
+        let groups = "1:name=systemd:/elsewhere\n0::/system.slice/palpate.service\n";
+        let limit = || memory_limit(root.path(), groups);
+        assert_eq!(limit(), None);
+        fs::write(own.join("memory.max"), "max\n").unwrap();
+        assert_eq!(limit(), None);
+        fs::write(own.join("memory.max"), "6000\n").unwrap();
+        fs::write(own.join("memory.high"), "5000\n").unwrap();
+        assert_eq!(limit(), Some(5000));
+        fs::write(root.path().join("system.slice/memory.max"), "4000\n").unwrap();
+        assert_eq!(limit(), Some(4000));
+        assert_eq!(memory_limit(root.path(), "0::/\n"), None);
+    }
 
     #[test]
     fn linux_gives_every_figure() {

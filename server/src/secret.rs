@@ -4,8 +4,11 @@
 //! to revoke. The bits come from the operating system.
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
+use std::str::FromStr;
 
+use thiserror::Error;
 use uuid::Uuid;
 
 const PREFIX: &str = "palpate_";
@@ -22,6 +25,51 @@ const REDACTED: &str = "palpate_(a key)";
 pub(crate) struct Presented {
     pub(crate) id: Uuid,
     pub(crate) hash: [u8; 32],
+}
+
+/// Fewest different bytes, and fewest different steps between neighbours, of a secret that may be
+/// random. Derived: 32 random bytes repeat an earlier one about twice; 17 repetitions happen once in
+/// 10^15 secrets, while counted and repeated digits give fewer values.
+const DIFFERENT_MIN: usize = 16;
+
+/// A key that an operator has chosen. Parsed from the text as it is sent; only its hash is kept.
+#[derive(Clone, Debug)]
+pub struct ChosenKey {
+    pub(crate) id: Uuid,
+    pub(crate) hash: [u8; 32],
+}
+
+/// Fault of a chosen key.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum ChosenKeyError {
+    /// The text has another form.
+    #[error(
+        "expected `palpate_`, 32 hexadecimal digits, `_` and 64 hexadecimal digits, in lower case"
+    )]
+    Form,
+    /// The secret is too regular to be random.
+    #[error("the secret of the key is too regular, expected 64 random hexadecimal digits")]
+    Regular,
+}
+
+impl FromStr for ChosenKey {
+    type Err = ChosenKeyError;
+
+    fn from_str(text: &str) -> Result<Self, ChosenKeyError> {
+        let sent = text.trim();
+        let Presented { id, hash } = parse(sent).ok_or(ChosenKeyError::Form)?;
+        let digits = sent.as_bytes()[SENT_BYTES - 2 * SECRET_BYTES..].chunks(2);
+        let bytes: Vec<u8> = digits
+            .map(|digits| Some(16 * digit(digits[0])? + digit(digits[1])?))
+            .collect::<Option<_>>()
+            .ok_or(ChosenKeyError::Form)?;
+        let values: BTreeSet<u8> = bytes.iter().copied().collect();
+        let steps: BTreeSet<u8> = bytes.windows(2).map(|two| two[1].wrapping_sub(two[0])).collect();
+        if values.len() < DIFFERENT_MIN || steps.len() < DIFFERENT_MIN {
+            return Err(ChosenKeyError::Regular);
+        }
+        Ok(Self { id, hash })
+    }
 }
 
 /// A new secret for the key `id`: as it is sent, and the hash to keep.
@@ -122,6 +170,24 @@ mod tests {
         assert!(is_in(&text) && !is_in(&expected));
         for fine in ["", "palpate_", "/v1/keys/arm-3", &sent[..104]] {
             assert_eq!(redacted(fine), fine);
+        }
+    }
+
+    #[test]
+    fn chosen_keys_are_random_keys_of_the_usual_form() {
+        for _ in 0..1000 {
+            let (sent, hash) = draw(Uuid::now_v7()).unwrap();
+            assert_eq!(format!(" {sent}\n").parse::<ChosenKey>().unwrap().hash, hash);
+        }
+        let (sent, _) = draw(Uuid::from_u128(7)).unwrap();
+        let fault = |text: &str| text.parse::<ChosenKey>().unwrap_err();
+        for wrong in ["", "secret", &sent[..104], &format!("{sent} {sent}")] {
+            assert_eq!(fault(wrong), ChosenKeyError::Form, "{wrong}");
+        }
+        let counted: String = (0..32).map(|byte| format!("{byte:02x}")).collect();
+        for regular in ["00".repeat(32), "0123456789abcdef".repeat(4), counted] {
+            let key = format!("{}{regular}", &sent[..41]);
+            assert_eq!(fault(&key), ChosenKeyError::Regular, "{key}");
         }
     }
 

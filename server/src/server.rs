@@ -93,6 +93,9 @@ pub enum StartError {
     /// The operating system has no random bits for the first key.
     #[error("cannot make the first key: {0}")]
     Random(#[from] getrandom::Error),
+    /// A first admin key for a server without keys.
+    #[error("the access is `open`, which needs no keys, but a first admin key is given")]
+    NeedlessKey,
     /// The operating system gives no threads.
     #[error("cannot start threads: {0}")]
     Threads(#[from] std::io::Error),
@@ -148,13 +151,17 @@ impl Server {
         if is_exposed && config.access == Access::Open {
             return Err(StartError::InsecureBind { address });
         }
+        if config.access == Access::Open && config.first_admin_key.is_some() {
+            return Err(StartError::NeedlessKey);
+        }
         if let Some(found) = config.cors_origins.iter().find(|origin| !is_origin(origin)) {
             return Err(StartError::Origin { found: found.clone() });
         }
+        // First: metrics of what follows are lost without it.
+        telemetry::metrics_handle();
         let tls_files = config.tls.clone();
         let tls = tls_files.as_ref().map(tls::configure).transpose()?.map(watch::Sender::new);
         let scheme = if tls.is_some() { "https" } else { "http" };
-        telemetry::metrics_handle();
         let listener = TcpListener::bind(address)
             .await
             .map_err(|source| StartError::Listen { address, source })?;
@@ -163,8 +170,9 @@ impl Server {
         let engine = open(&config).await?;
         let store = database(Arc::clone(&engine), config.migrate).await?;
         let store = store.with_accounts(storage::accounts(config.store_quota_bytes));
+        let (access, chosen) = (config.access, config.first_admin_key.clone());
         let (keys, admin_key) =
-            Keys::open(store.clone(), config.access, config.new_admin_key).await?;
+            Keys::open(store.clone(), access, config.new_admin_key, chosen).await?;
         let keys = Arc::new(keys);
         if is_exposed && !keys.required() {
             return Err(StartError::InsecureBind { address });
@@ -206,6 +214,12 @@ impl Server {
         let serving = tokio::spawn(door.serve(router(app), stopping));
         tracing::info!("Listening at {scheme}://{local_addr}");
         Ok(Self { local_addr, stop, serving, working, sessions, audit, engine, scheme, admin_key })
+    }
+
+    /// `http`, or `https` with a certificate.
+    #[must_use]
+    pub fn scheme(&self) -> &'static str {
+        self.scheme
     }
 
     /// The server's URL, such as `http://127.0.0.1:7411`.

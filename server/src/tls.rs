@@ -12,6 +12,7 @@ use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use thiserror::Error;
 use tokio::sync::watch;
 
+use crate::certificate::expiry;
 use crate::clock::pause;
 
 /// The files of a certificate and of its key, both PEM.
@@ -106,6 +107,7 @@ pub(crate) fn configure(files: &TlsFiles) -> Result<Arc<ServerConfig>, TlsError>
         }
         source => TlsError::Unusable { certificate: certificate.clone(), key: key.clone(), source },
     };
+    let ends = expiry(&chain);
     let mut config = ServerConfig::builder_with_provider(provider)
         .with_safe_default_protocol_versions()
         .map_err(unusable)?
@@ -113,6 +115,9 @@ pub(crate) fn configure(files: &TlsFiles) -> Result<Arc<ServerConfig>, TlsError>
         .with_single_cert(chain, private)
         .map_err(unusable)?;
     config.alpn_protocols = vec![b"http/1.1".to_vec()];
+    if let Some(ends) = ends {
+        metrics::gauge!("palpate_certificate_expiry_timestamp_seconds").set(ends as f64);
+    }
     Ok(Arc::new(config))
 }
 

@@ -29,12 +29,13 @@ use tokio::task::JoinSet;
 
 use self::screen::Screen;
 use self::summary::Summary;
-use super::serve::{self, DEFAULT_LISTEN};
+use super::serve::DEFAULT_LISTEN;
 use super::{touch, train};
 use crate::exit::Ended;
 use crate::output::Output;
 use crate::progress::is_watched;
 use crate::robot::{Robot, described};
+use crate::supervisor;
 use crate::trial::{self, StopRule, TrialResult, Truth};
 
 /// Number of robots that touch at once.
@@ -89,13 +90,13 @@ pub(crate) async fn run(args: DemoArgs, output: Output) -> anyhow::Result<()> {
     let server = start(data, args.listen).await?;
     let outcome = tokio::select! {
         outcome = show(&args, &server, output) => outcome,
-        stopped = serve::until_told_to_stop() => stopped.and(Err(Ended::Interrupted.into())),
+        stopped = supervisor::until_told_to_stop() => stopped.and(Err(Ended::Interrupted.into())),
     };
     if outcome.is_ok() && !args.once {
         let address = server.local_addr();
         output.say(format!("\nAPI documentation: http://{address}/docs"));
         output.say("The server keeps running; Ctrl-C stops it.");
-        serve::until_told_to_stop().await?;
+        supervisor::until_told_to_stop().await?;
     }
     tokio::select! {
         () = server.shutdown() => {}

@@ -14,8 +14,9 @@ use palpate_store::audit::RingSizes;
 use palpate_store::private;
 use serde_json::json;
 
-use crate::admin_key::AdminKeyFile;
+use crate::admin_key::{AdminKeyFile, chosen};
 use crate::output::Output;
+use crate::supervisor::{self, Notice};
 
 /// Default address of a server.
 pub(crate) const DEFAULT_LISTEN: &str = "127.0.0.1:7411";
@@ -55,6 +56,11 @@ pub(crate) struct ServeArgs {
     /// a terminal, else DIR/admin.key].
     #[arg(long, env = "PALPATE_ADMIN_KEY_FILE", value_name = "FILE")]
     admin_key_file: Option<PathBuf>,
+    /// File with the first admin key, if you choose it yourself; requests then need keys. Its secret
+    /// must be random: `palpate_`, 32 hexadecimal digits, `_`, 64 hexadecimal digits. Not used once
+    /// there is a valid admin key [default: a key is created].
+    #[arg(long, env = "PALPATE_FIRST_ADMIN_KEY_FILE", value_name = "FILE")]
+    first_admin_key_file: Option<PathBuf>,
     /// Serve /metrics without a key.
     #[arg(long, env = "PALPATE_OPEN_METRICS")]
     open_metrics: bool,
@@ -272,8 +278,9 @@ const ADMIN_KEY_FILE: &str = "admin.key";
 /// Serves until told to stop.
 pub(crate) async fn run(args: ServeArgs, output: Output) -> anyhow::Result<()> {
     let data = args.data.clone();
+    let first_admin_key = args.first_admin_key_file.as_deref().map(chosen).transpose()?;
     let key_file = key_file(&args)?;
-    let mut server = Server::start(config(args)).await?;
+    let mut server = Server::start(Config { first_admin_key, ..config(args) }).await?;
     let address = server.address();
     let mut started = json!({ "server": address, "docs": format!("{address}/docs"), "data": data });
     let admin_key = server.take_admin_key();
@@ -303,17 +310,27 @@ pub(crate) async fn run(args: ServeArgs, output: Output) -> anyhow::Result<()> {
             (None, None) => serving,
         }
     })?;
-    let stopped = until_told_to_stop().await;
+    supervisor::tell(Notice::Ready);
+    let (scheme, listening) = (server.scheme(), server.local_addr());
+    let watching = tokio::spawn(async move { supervisor::watch(scheme, listening).await });
+    let stopped = supervisor::until_told_to_stop().await;
+    supervisor::tell(Notice::Stopping);
     // A second Ctrl-C does not wait for requests in progress.
     tokio::select! {
         () = server.shutdown() => {}
         _ = tokio::signal::ctrl_c() => {}
     }
+    watching.abort();
     stopped
 }
 
 /// The file for a new admin key; `None` for the terminal.
 fn key_file(args: &ServeArgs) -> anyhow::Result<Option<AdminKeyFile>> {
+    // Without access by keys, or with a chosen first key, no key is created.
+    let is_given = args.first_admin_key_file.is_some();
+    if !args.new_admin_key && (is_given || matches!(args.access, AccessChoice::Open)) {
+        return Ok(None);
+    }
     let path = match &args.admin_key_file {
         Some(path) => path.clone(),
         None if std::io::stdout().is_terminal() => return Ok(None),
@@ -323,11 +340,7 @@ fn key_file(args: &ServeArgs) -> anyhow::Result<Option<AdminKeyFile>> {
             args.data.join(ADMIN_KEY_FILE)
         }
     };
-    // Without access by keys, no key is created.
-    match args.access {
-        AccessChoice::Open if !args.new_admin_key => Ok(None),
-        _ => AdminKeyFile::prepare(&path).map(Some),
-    }
+    AdminKeyFile::prepare(&path).map(Some)
 }
 
 /// The server's configuration from the arguments.
@@ -377,22 +390,4 @@ fn config(args: ServeArgs) -> Config {
         store_quota_bytes: Some(args.store_quota_mb * 1_000_000).filter(|bytes| *bytes > 0),
         ..usual
     }
-}
-
-/// Waits for Ctrl-C, or SIGTERM where it exists.
-#[cfg(unix)]
-pub(crate) async fn until_told_to_stop() -> anyhow::Result<()> {
-    use tokio::signal::unix::{SignalKind, signal};
-    let mut terminate = signal(SignalKind::terminate())?;
-    tokio::select! {
-        interrupted = tokio::signal::ctrl_c() => interrupted?,
-        _ = terminate.recv() => {}
-    }
-    Ok(())
-}
-
-/// Waits for Ctrl-C.
-#[cfg(not(unix))]
-pub(crate) async fn until_told_to_stop() -> anyhow::Result<()> {
-    Ok(tokio::signal::ctrl_c().await?)
 }

@@ -1,6 +1,8 @@
 //! `palpate snapshot`: everything a server has stored, as one file. Taken while the server runs;
 //! verified and restored without it.
 
+mod backup;
+
 use std::fs::{self, File};
 use std::io::{BufReader, Write};
 use std::path::{Path, PathBuf};
@@ -27,6 +29,7 @@ use crate::output::Output;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  palpate snapshot create monday.snapshot\n  \
     palpate snapshot verify monday.snapshot\n  \
+    palpate snapshot backup /var/backups/palpate --keep 14\n  \
     palpate snapshot restore monday.snapshot --data ./restored --keys newer \
     --current ./palpate-data\n  \
     palpate serve --data ./restored")]
@@ -41,6 +44,16 @@ enum Action {
     Create {
         /// File to write; it must not exist.
         file: PathBuf,
+    },
+    /// Take a snapshot of a running server into a folder, named by its time, and remove the oldest
+    /// ones there. Nothing is removed unless the new one is complete and undamaged.
+    Backup {
+        /// Folder of the snapshots; created if missing.
+        folder: PathBuf,
+        /// Number of snapshots to keep, the new one included.
+        #[arg(long, value_name = "N", default_value_t = 14,
+            value_parser = clap::value_parser!(u32).range(1..=100_000))]
+        keep: u32,
     },
     /// Verify a snapshot: read all of it and check every record.
     Verify {
@@ -82,7 +95,13 @@ pub(crate) async fn run(
     context: impl FnOnce() -> anyhow::Result<Context>,
 ) -> anyhow::Result<()> {
     match args.action {
-        Action::Create { file } => create(&file, &context()?.client, output).await,
+        Action::Create { file } => {
+            let (manifest, report) = create(&file, &context()?.client).await?;
+            said(&manifest, &report, output)
+        }
+        Action::Backup { folder, keep } => {
+            back_up(&folder, keep as usize, &context()?.client, output).await
+        }
         Action::Verify { file } => {
             let (manifest, report) = blocking(move || verified(&file)).await?;
             said(&manifest, &report, output)
@@ -101,7 +120,7 @@ pub(crate) async fn run(
 }
 
 /// Downloads into a temporary file, which is renamed when it is complete.
-async fn create(file: &Path, client: &Client, output: Output) -> anyhow::Result<()> {
+async fn create(file: &Path, client: &Client) -> anyhow::Result<(SnapshotManifest, Report)> {
     if file.exists() {
         bail!("{} exists already, expected a new file", file.display());
     }
@@ -125,7 +144,31 @@ async fn create(file: &Path, client: &Client, output: Output) -> anyhow::Result<
         }
     };
     fs::rename(&part, file).with_context(|| format!("cannot write {}", file.display()))?;
-    said(&manifest, &report, output)
+    Ok((manifest, report))
+}
+
+/// Takes a snapshot into a folder and removes the oldest ones.
+async fn back_up(
+    folder: &Path,
+    keep: usize,
+    client: &Client,
+    output: Output,
+) -> anyhow::Result<()> {
+    private::create_folder(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    let name = backup::name();
+    let file = folder.join(&name);
+    let (manifest, report) = create(&file, client).await?;
+    if report.n_damaged > 0 {
+        return said(&manifest, &report, output);
+    }
+    let removed = backup::prune(folder, &name, keep)?;
+    let mut answer = shown(&manifest);
+    answer["file"] = json!(file);
+    answer["removed"] = json!(removed);
+    output.answer(&answer, |_| {
+        let (megabytes, n_removed) = (manifest.bytes as f64 / 1e6, removed.len());
+        format!("{}: {megabytes:.1} MB, whole; {n_removed} old files removed", file.display())
+    })
 }
 
 async fn receive(part: &Path, client: &Client) -> anyhow::Result<()> {

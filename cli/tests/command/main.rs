@@ -5,4 +5,5 @@ mod fleet;
 mod keys;
 mod load;
 mod story;
+mod supervised;
 mod support;

@@ -35,8 +35,14 @@ pub(crate) struct Server {
 
 impl Server {
     pub(crate) fn start(data: &Path, arguments: &str) -> Self {
+        Self::start_with(data, arguments, &[])
+    }
+
+    /// A server with these variables in its environment.
+    pub(crate) fn start_with(data: &Path, arguments: &str, variables: &[(&str, &str)]) -> Self {
         let mut command = palpate("serve --listen 127.0.0.1:0 --json");
         command.args(arguments.split_whitespace()).arg("--data").arg(data);
+        command.envs(variables.iter().copied());
         let log = tempfile::tempfile().unwrap();
         command.stdout(Stdio::piped()).stderr(log.try_clone().unwrap());
         let mut child = command.spawn().unwrap();
@@ -47,6 +53,17 @@ impl Server {
 
     pub(crate) fn said(&self, what: &str) -> &str {
         self.started[what].as_str().unwrap()
+    }
+
+    /// Sends a signal, such as `STOP`.
+    pub(crate) fn signal(&self, signal: &str) {
+        let (signal, process) = (format!("-{signal}"), self.process().to_string());
+        assert!(Command::new("kill").args([signal, process]).status().unwrap().success());
+    }
+
+    /// Waits for its end and returns whether it succeeded.
+    pub(crate) fn ended_well(mut self) -> bool {
+        self.child.wait().unwrap().success()
     }
 
     pub(crate) fn process(&self) -> u32 {

@@ -16,6 +16,7 @@ use tracing::Instrument;
 use uuid::Uuid;
 
 use crate::clock::pause;
+use crate::figures::{self, DURATION_BUCKETS, SHARE_BUCKETS};
 use crate::problem;
 use crate::secret::redacted;
 
@@ -27,13 +28,6 @@ const REQUEST_ID_BYTES_MAX: usize = 64;
 
 /// Interval at which measured times are sorted into buckets.
 const TIDY_EVERY: Duration = Duration::from_secs(5);
-
-/// Upper ends of the duration histogram's buckets, in seconds.
-const DURATION_BUCKETS: [f64; 12] =
-    [0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 5.0, 30.0];
-
-/// Upper ends of the buckets of probabilities.
-const SHARE_BUCKETS: [f64; 8] = [0.05, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99, 1.0];
 
 /// The process's metrics, installed at the first call.
 pub(crate) fn metrics_handle() -> &'static PrometheusHandle {
@@ -49,6 +43,7 @@ pub(crate) fn metrics_handle() -> &'static PrometheusHandle {
         if metrics::set_global_recorder(recorder).is_err() {
             tracing::warn!("Another metrics recorder is installed: /metrics stays empty");
         }
+        figures::register();
         handle
     })
 }

@@ -23,7 +23,7 @@ use uuid::Uuid;
 
 use crate::cause::Cause;
 use crate::config::Access;
-use crate::secret;
+use crate::secret::{self, ChosenKey};
 use crate::wire::{self as convert, cursor, page_id, page_length};
 use error::{KeyError, KeyFault, OpenError};
 use latest::Latest;
@@ -52,12 +52,13 @@ pub(crate) struct Keys {
 }
 
 impl Keys {
-    /// Reads the keys. If keys are required, or with `fresh`, creates an admin's key if there
-    /// is no valid one, and returns its secret.
+    /// Reads the keys. With `fresh`, creates an admin's key and returns its secret. If keys are
+    /// required and there is no valid admin's, stores the chosen one, or creates one as with `fresh`.
     pub(crate) async fn open(
         store: Database,
         access: Access,
         fresh: bool,
+        chosen: Option<ChosenKey>,
     ) -> Result<(Self, Option<String>), OpenError> {
         let all: BTreeMap<_, _> = store.keys().all()?.into_iter().map(|k| (k.id, k)).collect();
         let latest = Latest::new(store.latest_time()?);
@@ -65,7 +66,7 @@ impl Keys {
         let stored = all.values().any(|key| key.revoked_at_ms.is_none());
         let required = match access {
             Access::Keys => true,
-            Access::Auto => stored || fresh,
+            Access::Auto => stored || fresh || chosen.is_some(),
             Access::Open => false,
         };
         let needs_admin = fresh || (required && n_admins(&all, now) == 0);
@@ -75,13 +76,30 @@ impl Keys {
         let changes = watch::Sender::default();
         let keys = Self { store, known, holders, changing, required, latest, changes };
         if !needs_admin {
+            if chosen.is_some_and(|chosen| keys.find_id(chosen.id).is_none()) {
+                tracing::warn!("There is an admin key: the given first admin key is not used");
+            }
             return Ok((keys, None));
         }
         let name = keys.free_name("admin");
-        let (key, secret) = new_key(name, Role::Admin, now, None)?;
+        let (key, secret) = match chosen.filter(|_| !fresh) {
+            Some(chosen) if keys.find_id(chosen.id).is_some() => {
+                // Robots go on meanwhile.
+                tracing::error!(
+                    "No admin key is valid, and the given first admin key was revoked, has expired \
+                     or has another role: start with a new one, or with `--new-admin-key`"
+                );
+                return Ok((keys, None));
+            }
+            Some(chosen) => (key(chosen.id, chosen.hash, name, Role::Admin, now), None),
+            None => {
+                let (key, secret) = new_key(name, Role::Admin, now, None)?;
+                (key, Some(secret))
+            }
+        };
         keys.store.keys().create(&key).await?;
         keys.learn(key);
-        Ok((keys, Some(secret)))
+        Ok((keys, secret))
     }
 
     /// Whether requests without a key are refused.
@@ -308,16 +326,21 @@ fn new_key(
 ) -> Result<(AccessKey, String), getrandom::Error> {
     let id = Uuid::now_v7();
     let (secret, hash) = secret::draw(id)?;
-    let key = AccessKey {
+    let expires_at_ms = expires_in_s.map(|s| created_at_ms + s * 1000);
+    Ok((AccessKey { expires_at_ms, ..key(id, hash, name, role, created_at_ms) }, secret))
+}
+
+/// A key that was never used and never ends.
+fn key(id: Uuid, hash: [u8; 32], name: String, role: Role, created_at_ms: u64) -> AccessKey {
+    AccessKey {
         id,
         name,
         role,
         hash,
         previous: None,
         created_at_ms,
-        expires_at_ms: expires_in_s.map(|s| created_at_ms + s * 1000),
+        expires_at_ms: None,
         last_used_at_ms: None,
         revoked_at_ms: None,
-    };
-    Ok((key, secret))
+    }
 }

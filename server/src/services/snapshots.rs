@@ -14,6 +14,7 @@ use tokio::time::timeout;
 
 use crate::cause::Cause;
 use crate::clock::now_ms;
+use crate::figures;
 
 /// Maximum number of chunks that wait for the receiver.
 const CHUNKS_MAX: usize = 4;
@@ -76,7 +77,10 @@ fn send(
                     return tracing::warn!("A snapshot was not received to its end");
                 }
             }
-            Ok(None) => return tracing::info!("Sent a snapshot"),
+            Ok(None) => {
+                figures::sent_snapshot();
+                return tracing::info!("Sent a snapshot");
+            }
             Err(error) => {
                 tracing::error!(%error, "A snapshot was not sent to its end: {error}");
                 put(Err(std::io::Error::other(error)));

@@ -1,0 +1,112 @@
+//! The server's dealings with the process that supervises it: notices to systemd (`Type=notify`),
+//! its watchdog, and the order to stop.
+//!
+//! Without `NOTIFY_SOCKET` and `WATCHDOG_USEC` in the environment nothing is sent.
+
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
+use std::time::Duration;
+
+/// Number of questions of the server to itself within the time of the watchdog: one that fails, for
+/// example on a busy machine, is repeated in time.
+const ASKED_WITHIN: u32 = 3;
+
+/// What systemd is told.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Notice {
+    /// The server answers requests.
+    Ready,
+    /// The server has answered itself.
+    Answers,
+    /// The server was told to stop.
+    Stopping,
+}
+
+/// Sends a notice to systemd, if it waits for one.
+#[cfg(unix)]
+pub(crate) fn tell(notice: Notice) {
+    use sd_notify::NotifyState;
+    let state = match notice {
+        Notice::Ready => NotifyState::Ready,
+        Notice::Answers => NotifyState::Watchdog,
+        Notice::Stopping => NotifyState::Stopping,
+    };
+    if let Err(error) = sd_notify::notify(&[state]) {
+        tracing::warn!(%error, "Cannot notify systemd ({notice:?}): {error}");
+    }
+}
+
+/// There is no systemd.
+#[cfg(not(unix))]
+pub(crate) fn tell(_: Notice) {}
+
+/// The time within which the watchdog expects a notice, if there is a watchdog.
+#[cfg(unix)]
+fn expected_within() -> Option<Duration> {
+    sd_notify::watchdog_enabled()
+}
+
+/// There is no watchdog.
+#[cfg(not(unix))]
+fn expected_within() -> Option<Duration> {
+    None
+}
+
+/// Asks the server for `/livez` through its own socket, each time by a new connection, and notifies
+/// the watchdog of every answer. Returns at once without a watchdog.
+///
+/// # Errors
+/// When there is no client for this.
+pub(crate) async fn watch(scheme: &str, listening: SocketAddr) -> anyhow::Result<()> {
+    let Some(within) = expected_within() else { return Ok(()) };
+    let url = format!("{scheme}://{}/livez", reachable(listening));
+    let every = within / ASKED_WITHIN;
+    // Keep a provider that is already installed.
+    let _ = rustls::crypto::ring::default_provider().install_default();
+    let client = reqwest::Client::builder()
+        .no_proxy()
+        .pool_max_idle_per_host(0)
+        .timeout(every)
+        // The certificate names the machine as clients know it, not this address. Nothing secret is
+        // sent, and the answer decides only about a restart.
+        .tls_danger_accept_invalid_certs(true)
+        .build()?;
+    let mut rounds = tokio::time::interval(every);
+    rounds.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
+    loop {
+        rounds.tick().await;
+        match client.get(&url).send().await.and_then(reqwest::Response::error_for_status) {
+            Ok(_) => tell(Notice::Answers),
+            Err(error) => {
+                tracing::error!(%error, "The server does not answer itself: systemd restarts it");
+            }
+        }
+    }
+}
+
+/// The address at which this machine reaches a listener.
+fn reachable(listening: SocketAddr) -> SocketAddr {
+    let ip = match listening.ip() {
+        ip if !ip.is_unspecified() => ip,
+        IpAddr::V4(_) => IpAddr::V4(Ipv4Addr::LOCALHOST),
+        IpAddr::V6(_) => IpAddr::V6(Ipv6Addr::LOCALHOST),
+    };
+    SocketAddr::new(ip, listening.port())
+}
+
+/// Waits for Ctrl-C, or SIGTERM where it exists.
+#[cfg(unix)]
+pub(crate) async fn until_told_to_stop() -> anyhow::Result<()> {
+    use tokio::signal::unix::{SignalKind, signal};
+    let mut terminate = signal(SignalKind::terminate())?;
+    tokio::select! {
+        interrupted = tokio::signal::ctrl_c() => interrupted?,
+        _ = terminate.recv() => {}
+    }
+    Ok(())
+}
+
+/// Waits for Ctrl-C.
+#[cfg(not(unix))]
+pub(crate) async fn until_told_to_stop() -> anyhow::Result<()> {
+    Ok(tokio::signal::ctrl_c().await?)
+}

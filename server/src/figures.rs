@@ -1,0 +1,65 @@
+//! Metrics that exist from the start, and the buckets of histograms.
+//!
+//! Prometheus computes an increase from two values. A counter that first appears at 1 has not
+//! increased, so that an alert would miss the first failure. Not here: metrics with another source
+//! of a first value (`app`), and metrics whose labels nobody knows before (`storage`).
+
+use crate::clock::now_ms;
+
+/// Upper ends of the duration histogram's buckets, in seconds. Dense around the second at which the
+/// alert `PalpateSlow` begins: a quantile is interpolated within its bucket.
+pub(crate) const DURATION_BUCKETS: [f64; 16] =
+    [0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 30.0];
+
+/// Upper ends of the buckets of probabilities.
+pub(crate) const SHARE_BUCKETS: [f64; 8] = [0.05, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99, 1.0];
+
+/// The route of robots' readings, whose answers the alerts watch.
+const READINGS: [(&str, &str); 2] =
+    [("method", "POST"), ("route", "/v1/sessions/{session}/readings")];
+/// Statuses of that route: a success, and those that an alert counts.
+const STATUSES: [&str; 5] = ["200", "429", "500", "503", "507"];
+/// Counters without labels.
+const PLAIN: [&str; 5] = [
+    "palpate_beliefs_resumed_total",
+    "palpate_connections_refused_total",
+    "palpate_readings_folded_total",
+    "palpate_readings_total",
+    "palpate_snapshots_total",
+];
+
+/// Registers the metrics at 0, and the version and start of this process.
+pub(crate) fn register() {
+    for name in PLAIN {
+        metrics::counter!(name).increment(0);
+    }
+    for status in STATUSES {
+        let [method, route] = READINGS;
+        let labels = [method, route, ("status", status)];
+        metrics::counter!("palpate_http_requests_total", &labels).increment(0);
+    }
+    // A histogram without values has all its buckets at 0.
+    let _ = metrics::histogram!("palpate_http_request_seconds", &READINGS);
+    for state in ["Succeeded", "Failed", "Cancelled"] {
+        metrics::counter!("palpate_jobs_total", "state" => state).increment(0);
+    }
+    for status in ["401", "403", "429"] {
+        metrics::counter!("palpate_requests_denied_total", "status" => status).increment(0);
+    }
+    for answer in ["right", "wrong"] {
+        for object in ["known", "unknown"] {
+            let labels = [("answer", answer), ("object", object)];
+            metrics::counter!("palpate_feedback_total", &labels).increment(0);
+        }
+    }
+    let _ = metrics::histogram!("palpate_feedback_probability");
+    metrics::gauge!("palpate_snapshot_timestamp_seconds").set(0.0);
+    metrics::gauge!("palpate_start_timestamp_seconds").set(now_ms() as f64 / 1000.0);
+    metrics::gauge!("palpate_build_info", "version" => env!("CARGO_PKG_VERSION")).set(1.0);
+}
+
+/// Counts a snapshot that was sent to its end, and notes the time.
+pub(crate) fn sent_snapshot() {
+    metrics::counter!("palpate_snapshots_total").increment(1);
+    metrics::gauge!("palpate_snapshot_timestamp_seconds").set(now_ms() as f64 / 1000.0);
+}
