@@ -45,9 +45,8 @@ pub(crate) fn poses_to_numpy<'py>(
     poses: impl ExactSizeIterator<Item = Pose>,
 ) -> Bound<'py, PyArray2<f64>> {
     let n = poses.len();
-    let numbers = poses.flat_map(|pose| {
-        pose.translation.to_array().into_iter().chain(pose.rotation.to_array())
-    });
+    let numbers = poses
+        .flat_map(|pose| pose.translation.to_array().into_iter().chain(pose.rotation.to_array()));
     matrix(py, n, 7, numbers.collect())
 }
 

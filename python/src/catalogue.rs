@@ -149,7 +149,8 @@ fn train(plan: &Plan, given: Vec<Given>) -> Result<Catalogue, Failure> {
     let materials = materials?;
     check(&materials)?;
     let sets: Vec<TrainingSet<'_>> = materials.iter().map(Material::kept).collect();
-    let failed = |error: palpate_core::training::TrainingError| ("objects".into(), error.to_string());
+    let failed =
+        |error: palpate_core::training::TrainingError| ("objects".into(), error.to_string());
     let space = learn_space(&sets, plan.seed).map_err(failed)?;
     let map_one = |(material, set): (&Material, &TrainingSet<'_>)| {
         plan.stop.check();

@@ -45,7 +45,11 @@ impl Recognition {
     ) -> PyResult<Self> {
         let usual = SurfaceOptions::default();
         let unknown = match unknown_prior {
-            Some(found) => fault::within("unknown_prior", found, 0.0, 1.0)?,
+            Some(found) if found > 0.0 && found < 1.0 => found,
+            Some(found) => {
+                let detail = format!("came {found}, expected more than 0 and less than 1");
+                return Err(fault::of("unknown_prior", detail));
+            }
             None => usual.unknown,
         };
         let motion = object_moves.map(|moved| looseness("object_moves", moved)).transpose()?;
@@ -152,8 +156,7 @@ impl Recognition {
         let (model, object): (&SurfaceModel, usize) = (self.belief.model(), mode.object.0 as usize);
         let (map, covariance) = (&model.maps()[object], mode.covariance);
         let object_from_model = Pose::from_parts(DQuat::IDENTITY, -map.origin_in_training());
-        let numbers: Vec<f64> =
-            (0..36).map(|index| covariance[(index / 6, index % 6)]).collect();
+        let numbers: Vec<f64> = (0..36).map(|index| covariance[(index / 6, index % 6)]).collect();
         let symmetry = PyList::empty(py);
         for axis in &map.symmetry().axes {
             symmetry.append(to_axis(py, axis, &mode.session_from_object)?)?;
