@@ -38,7 +38,8 @@ class Readings:
     def __len__(self) -> int:
         return len(self.poses)
 
-    def __getitem__(self, chosen: slice) -> Readings:
+    def __getitem__(self, chosen: slice | npt.NDArray[np.integer[Any]]) -> Readings:
+        """The readings of a slice, or of an array of indices."""
         return Readings(self.poses[chosen], self.images[chosen])
 
     def moved(self, other_from_session: PoseLike) -> Readings:
