@@ -19,7 +19,7 @@ CELL_S_MAX = 300
 
 def run(path: Path, pictures: Path | None) -> None:
     """Executes one notebook in a folder of its own."""
-    notebook = nbformat.read(path, as_version=4)
+    notebook = nbformat.read(path, as_version=4)  # type: ignore[no-untyped-call]
     kept = [cell for cell in notebook.cells if cell.get("outputs") or cell.get("execution_count")]
     if kept:
         sys.exit(f"{path.name} is committed with outputs: clear them")
