@@ -10,6 +10,7 @@ mod common;
 mod component;
 mod evidence_fit;
 mod felt;
+pub mod hold_out;
 mod image_doubt;
 mod misfit;
 mod motion;

@@ -8,7 +8,8 @@ use palpate_core::reading::{Reading, SensorId};
 use palpate_core::sensor::{SensorDescription, TaxelGrid};
 use palpate_core::symmetry::Symmetry;
 use palpate_core::training::TrainingSet;
-use palpate_recogniser::belief::calibrate::{READINGS, runs_per_object};
+use palpate_recogniser::belief::calibrate::READINGS;
+use palpate_recogniser::belief::hold_out;
 use palpate_schemas::JobStage;
 use palpate_sim::mesh::Mesh;
 use palpate_sim::press::PressSimulator;
@@ -146,15 +147,12 @@ pub(super) fn own_readings(
     }))
 }
 
-/// Number of runs by one sensor of the family each that are held back of an object. Chosen: at
-/// least two, so that trials differ in the sensor, and at most half as many touches as the object
-/// is trained from, so that these cost at most half as much again.
+/// Number of runs by one sensor of the family each that are held back of an object.
 fn n_runs(plan: &Plan) -> usize {
     if !plan.surface || plan.family().is_single() {
         return 0;
     }
-    let affordable = plan.readings_per_object / (2 * READINGS);
-    runs_per_object(plan.objects.len()).min(affordable).max(2)
+    hold_out::n_runs(plan.objects.len(), plan.readings_per_object)
 }
 
 /// Number of simulated touches of an object.

@@ -9,14 +9,13 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
-use palpate_core::reading::Reading;
 use palpate_core::symmetry::{Finding, Symmetry};
 use palpate_core::training::TrainingSet;
 use palpate_dissertation::sva::model::ObjectMap;
-use palpate_recogniser::belief::calibrate::{HeldBack, READINGS, calibrate};
+use palpate_recogniser::belief::calibrate::{HeldBack, READINGS};
+use palpate_recogniser::belief::hold_out::{Split, calibrated, split};
 use palpate_recogniser::model::{AppearanceSpace, SurfaceMap};
 use palpate_recogniser::model::{CalibrationBasis, EvidenceCalibration, SurfaceModel};
-use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::{SurfaceConfig, find_symmetry, learn_space, map_surface};
 use palpate_schemas::{JobStage, SurfaceReport};
 use rayon::prelude::*;
@@ -26,11 +25,6 @@ use super::material::Material;
 use super::unseen::{self, Unseen};
 use super::{Plan, Progress, Sources, TrainingFailure, step};
 use crate::wire::count;
-
-/// One reading in this many is held out.
-const HELD_BACK: usize = 10;
-/// Minimum number of readings of an object for holding any out: smaller surfaces need them all.
-const READINGS_MIN: usize = 100;
 
 /// Results of the training.
 pub(super) struct Learnt {
@@ -53,12 +47,6 @@ pub(super) enum Decided {
     },
 }
 
-/// An object's readings: those of its surface, and the held-out ones.
-struct Split {
-    kept: Vec<Reading>,
-    held_back: Vec<Reading>,
-}
-
 /// Trains the surfaces of all objects, in the frames of their pair `maps` if there are any.
 pub(super) fn learn(
     plan: &Plan,
@@ -70,7 +58,7 @@ pub(super) fn learn(
     let total = materials.len() + 1;
     step(progress, JobStage::Surface, 0, total)?;
     let config = SurfaceConfig::default();
-    let splits: Vec<Split> = materials.iter().map(split).collect();
+    let splits: Vec<Split> = materials.iter().map(split_of).collect();
     let sets: Vec<TrainingSet<'_>> = splits
         .iter()
         .zip(materials)
@@ -102,22 +90,12 @@ pub(super) fn learn(
     Ok(Learnt { model, new, decided })
 }
 
-/// Whether the reading at an index among an object's `n` is held out.
-pub(super) fn is_held_back(index: usize, n: usize) -> bool {
-    n >= READINGS_MIN && index < n && index % HELD_BACK == HELD_BACK - 1
-}
-
-fn split(material: &Material) -> Split {
+fn split_of(material: &Material) -> Split {
     let (readings, _) = material.parts();
-    if let Some(held_back) = &material.held_back {
-        return Split { kept: readings.to_vec(), held_back: held_back.clone() };
+    match &material.held_back {
+        Some(held_back) => Split { kept: readings.to_vec(), held_back: held_back.clone() },
+        None => split(readings),
     }
-    let (mut kept, mut held_back) = (Vec::new(), Vec::new());
-    for (index, reading) in readings.iter().enumerate() {
-        let side = if is_held_back(index, readings.len()) { &mut held_back } else { &mut kept };
-        side.push(reading.clone());
-    }
-    Split { kept, held_back }
 }
 
 fn map_all(
@@ -171,12 +149,6 @@ fn by_object(unseen: &[Unseen]) -> Vec<HeldBack<'_>> {
         .iter()
         .map(|one| HeldBack { readings: &one.readings, sensor: &one.sensor, run: one.run })
         .collect()
-}
-
-/// The model with a calibration learnt on held-out readings.
-fn calibrated(model: Arc<SurfaceModel>, unseen: &[HeldBack<'_>], seed: u64) -> Arc<SurfaceModel> {
-    let calibration = calibrate(&model, unseen, SurfaceOptions::default(), seed);
-    Arc::new(Arc::unwrap_or_clone(model).with_calibration(calibration))
 }
 
 /// The known model with further maps. If none of these has held-out readings, the calibration

@@ -9,6 +9,7 @@ use std::ops::ControlFlow;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::sensor::SensorDescription;
 use palpate_recogniser::belief::calibrate::{HELD_BACK_MIN, READINGS};
+use palpate_recogniser::belief::hold_out::is_held_back;
 use palpate_recogniser::model::SurfaceModel;
 use palpate_schemas::ObjectReport;
 use palpate_sim::press::PressSimulator;
@@ -19,7 +20,6 @@ use rayon::prelude::*;
 
 use super::base::Base;
 use super::material::{mesh, own_readings};
-use super::surface::is_held_back;
 use super::{Plan, Sources, TrainingFailure};
 
 /// Maximum number of objects of the extended version that provide readings. Chosen such that

@@ -1,0 +1,204 @@
+//! Sensors: presets, and grids of taxels by the numbers of a data sheet.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use palpate_core::reading::SensorId;
+use palpate_core::sensor::point_spread::point_spread_of_covering;
+use palpate_core::sensor::{
+    Coupling, ForceCurve, ImageOrder, Preset, SensorDescription, SensorError, SensorFamily,
+    SensorKnowledge, SensorParameters, StatedRanges, TaxelGrid, defaults,
+};
+use pyo3::prelude::*;
+
+use crate::fault;
+
+/// A sensor's description, how far it is to be trusted, and its identity.
+#[derive(Debug)]
+pub(crate) struct Known {
+    pub(crate) id: SensorId,
+    pub(crate) description: SensorDescription,
+    knowledge: SensorKnowledge,
+    ranges: StatedRanges,
+}
+
+impl Known {
+    /// The sensors that the description may stand for: they press meshes in trainings.
+    pub(crate) fn family(&self) -> SensorFamily {
+        SensorFamily::within(self.description.clone(), self.knowledge, &self.ranges)
+    }
+
+    /// Values in the sensor frame's order, in the order in which the driver sends them.
+    pub(crate) fn as_driver<T: Copy>(&self, values: &[T]) -> Vec<T> {
+        let (order, grid) = (self.description.parameters().image_order, self.description.grid());
+        // Values of a list of taxels come in its order.
+        if order == ImageOrder::default() {
+            return values.to_vec();
+        }
+        order.of_driver(values, grid.rows, grid.cols)
+    }
+}
+
+/// A tactile array sensor.
+#[pyclass(frozen, module = "palpate._native")]
+pub(crate) struct Sensor {
+    pub(crate) known: Arc<Known>,
+}
+
+impl Sensor {
+    /// A sensor that differs from all others of this process, as a session tells them apart.
+    fn known(
+        description: SensorDescription,
+        knowledge: SensorKnowledge,
+        ranges: StatedRanges,
+    ) -> Self {
+        static CREATED: AtomicU64 = AtomicU64::new(1);
+        let id = SensorId(u128::from(CREATED.fetch_add(1, Ordering::Relaxed)));
+        Self { known: Arc::new(Known { id, description, knowledge, ranges }) }
+    }
+}
+
+#[pymethods]
+impl Sensor {
+    /// The preset of a name.
+    #[staticmethod]
+    fn preset(name: &str) -> PyResult<Self> {
+        let Preset { description, knowledge, ranges } = Preset::named(name).ok_or_else(|| {
+            let known = Preset::NAMES.join(", ");
+            fault::of("name", format!("came {name:?}, expected one of {known}"))
+        })?;
+        Ok(Self::known(description, knowledge, ranges))
+    }
+
+    /// The names of the presets.
+    #[staticmethod]
+    fn preset_names() -> Vec<&'static str> {
+        Preset::NAMES.to_vec()
+    }
+
+    /// A grid of taxels; defaults are those of `POST /v1/sensors`. `image_order` says whether the
+    /// driver's image is transposed and has its rows and columns reversed.
+    #[staticmethod]
+    #[pyo3(signature = (
+        rows, cols, *, pitch, taxel_width, covering_thickness, saturation, quantisation,
+        point_spread=None, force_curve=None, noise=None, knowledge="data_sheet",
+        image_order=(false, false, false)
+    ))]
+    #[expect(clippy::too_many_arguments, reason = "the numbers of a data sheet, named in Python")]
+    fn grid(
+        rows: usize,
+        cols: usize,
+        pitch: f64,
+        taxel_width: f64,
+        covering_thickness: f64,
+        saturation: f64,
+        quantisation: f64,
+        point_spread: Option<f64>,
+        force_curve: Option<Vec<(f64, f64)>>,
+        noise: Option<f64>,
+        knowledge: &str,
+        image_order: (bool, bool, bool),
+    ) -> PyResult<Self> {
+        let force_curve = match force_curve {
+            None => defaults::force_curve(covering_thickness, saturation),
+            Some(knots) => ForceCurve::new(knots).map_err(|error| refuse(&error))?,
+        };
+        let (transposed, rows_reversed, cols_reversed) = image_order;
+        let parameters = SensorParameters {
+            grid: TaxelGrid { rows, cols, pitch, taxel_width },
+            layout: None,
+            covering_thickness,
+            point_spread: point_spread
+                .unwrap_or_else(|| point_spread_of_covering(covering_thickness)),
+            force_curve,
+            saturation,
+            noise: noise.unwrap_or_else(|| defaults::noise(saturation, quantisation)),
+            quantisation,
+            image_order: ImageOrder { transposed, rows_reversed, cols_reversed },
+            coupling: Coupling::default(),
+        };
+        let description = SensorDescription::new(parameters).map_err(|error| refuse(&error))?;
+        let knowledge = match knowledge {
+            "measured" => SensorKnowledge::Measured,
+            "data_sheet" => SensorKnowledge::DataSheet,
+            "unknown" => SensorKnowledge::Unknown,
+            found => {
+                let detail = format!("came {found:?}, expected measured, data_sheet or unknown");
+                return Err(fault::of("knowledge", detail));
+            }
+        };
+        Ok(Self::known(description, knowledge, StatedRanges::default()))
+    }
+
+    /// Number of rows of the image.
+    #[getter]
+    fn rows(&self) -> usize {
+        self.known.description.grid().rows
+    }
+
+    /// Number of columns of the image.
+    #[getter]
+    fn cols(&self) -> usize {
+        self.known.description.grid().cols
+    }
+
+    /// Number of values of a reading.
+    #[getter]
+    fn n_taxels(&self) -> usize {
+        self.known.description.n_taxels()
+    }
+
+    /// Distance of neighbouring taxels, metres.
+    #[getter]
+    fn pitch(&self) -> f64 {
+        self.known.description.grid().pitch
+    }
+
+    /// Thickness of the covering, metres.
+    #[getter]
+    fn covering_thickness(&self) -> f64 {
+        self.known.description.parameters().covering_thickness
+    }
+
+    /// Standard deviation of the point spread, metres.
+    #[getter]
+    fn point_spread(&self) -> f64 {
+        self.known.description.parameters().point_spread
+    }
+
+    /// Upper limit of a value, Pa.
+    #[getter]
+    fn saturation(&self) -> f64 {
+        self.known.description.parameters().saturation
+    }
+
+    /// Standard deviation of the noise, Pa.
+    #[getter]
+    fn noise(&self) -> f64 {
+        self.known.description.parameters().noise
+    }
+
+    /// Pressure above which a taxel is in contact, Pa.
+    #[getter]
+    fn contact_floor(&self) -> f64 {
+        self.known.description.contact_floor()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Sensor({}, pitch {:.2} mm)", self.known.description.n_taxels(), 1e3 * self.pitch())
+    }
+}
+
+/// The error of a description, at its argument.
+fn refuse(error: &SensorError) -> PyErr {
+    let argument = match error {
+        SensorError::Count { field, .. }
+        | SensorError::Range { field, .. }
+        | SensorError::Order { field, .. }
+        | SensorError::Empty { field } => field,
+        SensorError::ForceCurve { .. } => "force_curve",
+        SensorError::Layout(_) => "taxels",
+        SensorError::OrderOfLayout => "image_order",
+    };
+    fault::of(argument, error)
+}
