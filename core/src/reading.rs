@@ -5,40 +5,22 @@
 //! invalid taxel. The pose is `session_from_sensor` (in training, the session frame is the
 //! object's). The numbers of a [`Reading`] are finite.
 
+mod base;
 mod image;
+mod error;
 pub mod point_contact;
 
-use thiserror::Error;
-
+pub use self::base::{Base, Looseness};
+pub use self::error::ReadingError;
 use self::image::fill_missing;
 pub use self::image::{ImageShape, TactileImage};
 use self::point_contact::PointContact;
 use crate::pose::Pose;
 use crate::sensor::{Correction, SensorDescription};
-use crate::units::Shown;
 
 /// The sensor that took a reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct SensorId(pub u128);
-
-/// Uncertainty of a stated pose: standard deviations.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Looseness {
-    /// In each direction, metres.
-    pub position: f64,
-    /// About each axis, rad.
-    pub angle: f64,
-}
-
-/// The base of a robot with an uncertain position, which shifts all readings of that robot
-/// equally.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Base {
-    /// The robot's number in the session.
-    pub robot: u32,
-    /// Uncertainty of the placement of its readings, where the object is.
-    pub looseness: Looseness,
-}
 
 /// One press: the image, the sensor's pose, and the sensor.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,39 +70,6 @@ impl Felt {
             Self::Contact(contact) => Self::Contact(contact.with_base(base)),
         }
     }
-}
-
-/// Error of numbers that are not a reading.
-#[derive(Clone, Copy, Debug, Error, PartialEq)]
-pub enum ReadingError {
-    /// The image does not have the sensor's shape.
-    #[error("image has {found} taxels, expected {expected} ({shape})")]
-    TaxelCount {
-        /// Taxels of the sensor.
-        expected: usize,
-        /// Taxels of the image.
-        found: usize,
-        /// Order of the sensor's values.
-        shape: ImageShape,
-    },
-    /// A pressure is not a finite number of pascals within the range.
-    #[error(
-        "pressure of taxel {taxel} is {}, expected a finite number within ±1e8 Pa", Shown(*found)
-    )]
-    Pressure {
-        /// Index in the given order.
-        taxel: usize,
-        /// The given value.
-        found: f64,
-    },
-    /// Too many taxels are missing.
-    #[error("{missing} of {expected} taxels are missing, expected at most half")]
-    Missing {
-        /// Number of missing taxels.
-        missing: usize,
-        /// Number of taxels of the sensor.
-        expected: usize,
-    },
 }
 
 impl Reading {

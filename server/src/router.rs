@@ -46,7 +46,7 @@ pub(crate) fn router(app: App) -> Router {
 
 /// Compresses answers for clients that accept it, but no event streams and no pictures. The fastest
 /// level: robots wait for their beliefs.
-fn compressed() -> CompressionLayer<impl Predicate + Clone> {
+fn compressed() -> CompressionLayer<impl Predicate> {
     let long = DefaultPredicate::new().and(SizeAbove::new(COMPRESSED_MIN));
     CompressionLayer::new().quality(CompressionLevel::Fastest).compress_when(long)
 }
