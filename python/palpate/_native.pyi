@@ -1,11 +1,14 @@
-from typing import Any
+from typing import Any, final
 
 import numpy as np
 import numpy.typing as npt
 
+__all__ = ["Catalogue", "Mesh", "Readings", "Recognition", "Sensor", "press", "touch"]
+
 _Floats = npt.NDArray[np.float64]
 _Integers = npt.NDArray[np.int64]
 
+@final
 class Mesh:
     def __new__(cls, vertices: _Floats, faces: _Integers) -> Mesh: ...
     @staticmethod
@@ -26,6 +29,7 @@ class Mesh:
     def is_watertight(self) -> bool: ...
     def to_off(self) -> bytes: ...
 
+@final
 class Sensor:
     @staticmethod
     def preset(name: str) -> Sensor: ...
@@ -45,7 +49,7 @@ class Sensor:
         force_curve: list[tuple[float, float]] | None = None,
         noise: float | None = None,
         knowledge: str = "data_sheet",
-        image_order: tuple[bool, bool, bool] = (False, False, False),
+        image_order: tuple[bool, bool, bool] | None = None,
     ) -> Sensor: ...
     @property
     def rows(self) -> int: ...
@@ -66,12 +70,14 @@ class Sensor:
     @property
     def contact_floor(self) -> float: ...
 
+@final
 class Readings:
     def __new__(
         cls, sensor: Sensor, poses: _Floats, images: _Floats, approach: _Floats | None = None
     ) -> Readings: ...
     def __len__(self) -> int: ...
 
+@final
 class Catalogue:
     @staticmethod
     def train(
@@ -86,6 +92,7 @@ class Catalogue:
     @property
     def origins(self) -> list[list[float]]: ...
 
+@final
 class Recognition:
     def __new__(
         cls,

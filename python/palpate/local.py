@@ -31,7 +31,11 @@ def load_mesh(path: str | os.PathLike[str], *, unit: str) -> Mesh:
     if unit not in UNITS:
         raise ValueError(f"unit: came {unit!r}, expected one of {', '.join(UNITS)}")
     file = Path(path)
-    return Mesh.from_bytes(file.read_bytes(), file.suffix, UNITS[unit])
+    try:
+        return Mesh.from_bytes(file.read_bytes(), file.suffix, UNITS[unit])
+    except ValueError as error:
+        detail = str(error).removeprefix("content: ").removeprefix("format: ")
+        raise ValueError(f"path: {file}: {detail}") from error
 
 
 def make_mesh(vertices: npt.ArrayLike, faces: npt.ArrayLike) -> Mesh:
@@ -87,7 +91,7 @@ def train(
             try:
                 sources.append((name, native(used, source)))
             except ValueError as error:
-                raise ValueError(f"objects[{name!r}]: {error}") from error
+                raise ValueError(f'objects["{name}"]: {error}') from error
         else:
             sources.append((name, source))
     return Catalogue.train(sources, sensor=used, touches=touches, seed=seed)

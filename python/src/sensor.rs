@@ -82,7 +82,7 @@ impl Sensor {
     #[pyo3(signature = (
         rows, cols, *, pitch, taxel_width, covering_thickness, saturation, quantisation,
         point_spread=None, force_curve=None, noise=None, knowledge="data_sheet",
-        image_order=(false, false, false)
+        image_order=None
     ))]
     #[expect(clippy::too_many_arguments, reason = "the numbers of a data sheet, named in Python")]
     fn grid(
@@ -97,13 +97,13 @@ impl Sensor {
         force_curve: Option<Vec<(f64, f64)>>,
         noise: Option<f64>,
         knowledge: &str,
-        image_order: (bool, bool, bool),
+        image_order: Option<(bool, bool, bool)>,
     ) -> PyResult<Self> {
         let force_curve = match force_curve {
             None => defaults::force_curve(covering_thickness, saturation),
             Some(knots) => ForceCurve::new(knots).map_err(|error| refuse(&error))?,
         };
-        let (transposed, rows_reversed, cols_reversed) = image_order;
+        let (transposed, rows_reversed, cols_reversed) = image_order.unwrap_or_default();
         let parameters = SensorParameters {
             grid: TaxelGrid { rows, cols, pitch, taxel_width },
             layout: None,

@@ -84,6 +84,11 @@ def test_a_file_is_the_mesh_it_was_written_from(tmp_path: Path) -> None:
     assert np.array_equal(read.faces, mesh.faces)
     millimetres = local.load_mesh(tmp_path / "hammer.off", unit="mm")
     assert millimetres.largest_dimension == pytest.approx(mesh.largest_dimension / 1000)
+    (tmp_path / "broken.stl").write_bytes(b"no mesh")
+    for name in ("broken.stl", "hammer.step"):
+        (tmp_path / "hammer.step").write_bytes(mesh.to_off())
+        with pytest.raises(ValueError, match=f"^path: .*{name}"):
+            local.load_mesh(tmp_path / name, unit="m")
 
 
 def refused(expected: str, call: Callable[[], object]) -> None:
@@ -94,7 +99,7 @@ def refused(expected: str, call: Callable[[], object]) -> None:
 def test_errors_name_the_argument(sensor: Sensor) -> None:
     mesh = Mesh.example("mug")
     image, pose = np.zeros(36), np.array([0, 0, 0, 0, 0, 0, 1.0])
-    some = Readings.of([pose] * 30, [image] * 30)
+    some, wide = Readings.of([pose] * 30, [image] * 30), Readings.of([pose], [np.zeros(49)])
 
     def native(poses: Any, images: Any) -> Callable[[], object]:
         return lambda: local.native(sensor, Readings.of(poses, images))
@@ -108,6 +113,7 @@ def test_errors_name_the_argument(sensor: Sensor) -> None:
     refused("^faces: ", lambda: local.make_mesh(np.zeros((3, 3)), [[0, 1, 2.5]]))
     refused(r"^faces\[0\]: ", lambda: local.make_mesh(np.eye(3), [[0, 1, 3]]))
     refused("^unit: ", lambda: local.load_mesh("mug.stl", unit="mile"))
+    refused(r'^objects\["mug"\]: images\[0\]', lambda: local.train({"mug": wide}, sensor=sensor))
     refused("^touches: ", lambda: local.train({"mug": mesh}, touches=3))
     refused("^objects: ", lambda: local.train({}))
     refused(r'^objects\["mug"\]: none of 30', lambda: local.train({"mug": some}, sensor=sensor))
