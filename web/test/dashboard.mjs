@@ -205,6 +205,16 @@ await step("who needs somebody comes first: a thing that nobody has taught", asy
   await shot("fleet");
 });
 
+await step("an alarm that somebody has seen needs nobody any more", async () => {
+  assert.match(await page.title(), /^\(\d+\) Fleet/, "the tab counts the sessions that need attention");
+  await page.getByRole("button", { name: "Select all that need attention" }).click();
+  await page.getByRole("button", { name: "Seen", exact: true }).click();
+  await page.locator(".fleet-row.level-seen").first().waitFor();
+  await page.waitForFunction(() => document.querySelectorAll(".level-surprising, .level-stuck").length === 0);
+  assert.equal(await page.title(), "Fleet · Palpate");
+  await page.getByText("0 sessions selected").waitFor();
+});
+
 await step("a calibration shows the dead taxel", async () => {
   palpate("sensors", "add", "finger", "--preset", "digitacts-6x6");
   palpate("sensors", "indent", "finger", "--out", `${FOLDER}/indentation.json`, "--seed", "3");
