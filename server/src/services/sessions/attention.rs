@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn sessions_wait_for_readings_and_work_until_their_belief_is_known() {
+    fn sessions_wait_for_readings_and_then_for_their_belief() {
         let waiting = Seen { trace: &[], n_readings: 0, changed_at_ms: 7 };
         assert_eq!(judge(waiting, 9e9 as u64).level, AttentionLevel::Waiting);
         let unknown = Seen { n_readings: 3, ..waiting };

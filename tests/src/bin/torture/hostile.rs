@@ -337,7 +337,7 @@ async fn given_back(admin: &Client, url: &str) -> anyhow::Result<u64> {
         let held = held(&metrics);
         if held > 0 && begun.elapsed() >= GIVEN_BACK {
             let is_held = |line: &&str| {
-                ["palpate_occupied", "palpate_sessions_open"]
+                ["palpate_occupied{", "palpate_sessions_open "]
                     .iter()
                     .any(|name| line.starts_with(name))
             };
@@ -363,7 +363,7 @@ fn held(metrics: &str) -> u64 {
     let connections = of("palpate_occupied{resource=\"connections\"}");
     let others = ["requests", "streams", "bodies", "answers", "snapshots"]
         .map(|resource| of(&format!("palpate_occupied{{resource=\"{resource}\"}}")));
-    let sessions = of("palpate_sessions_open").saturating_sub(1);
+    let sessions = of("palpate_sessions_open ").saturating_sub(1);
     others.iter().sum::<u64>() + sessions + connections.saturating_sub(OWN_CONNECTIONS)
 }
 
