@@ -21,7 +21,7 @@ async fn main() -> Result<(), Box<dyn std::error::Error>> {
     let needed = FleetQuery { needed: Some(true), ..FleetQuery::default() };
     loop {
         let fleet = client.fleet(&needed).await?;
-        println!("{} open sessions, {} need attention", fleet.n_open, fleet.n_needed);
+        println!("open sessions: {}, in need of attention: {}", fleet.n_open, fleet.n_needed);
         for one in &fleet.sessions {
             let robots = one.robots.join(", ");
             println!("  {robots} in {}: {}", one.session.id, one.attention.reason);

@@ -101,7 +101,8 @@ fn words(fleet: &Fleet) -> String {
             ]
         }),
     );
-    let total = format!("{} open, {} need attention", fleet.n_open, fleet.n_needed);
+    let need = if fleet.n_needed == 1 { "needs" } else { "need" };
+    let total = format!("{} open, {} {need} attention", fleet.n_open, fleet.n_needed);
     if fleet.sessions.is_empty() { total } else { format!("{table}\n\n{total}") }
 }
 

@@ -32,7 +32,7 @@ export function FleetView() {
         title="Fleet"
         sub={
           loaded && !problem
-            ? `${plural(nOpen, "open session")}${nNeeded > 0 ? `, ${nNeeded} need attention` : ""}`
+            ? `${plural(nOpen, "open session")}${nNeeded > 0 ? `, ${nNeeded} ${nNeeded === 1 ? "needs" : "need"} attention` : ""}`
             : "Open sessions, live"
         }
       >
