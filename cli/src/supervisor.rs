@@ -10,7 +10,7 @@ use std::time::Duration;
 /// example on a busy machine, is repeated in time.
 const ASKED_WITHIN: u32 = 3;
 
-/// What systemd is told.
+/// A message to systemd.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Notice {
     /// The server answers requests.

@@ -12,8 +12,8 @@ use pyo3::prelude::*;
 /// Time between two looks at Python's signals. Chosen: a person does not notice it.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Runs work on another thread, without Python's lock. After a signal the work is asked to
-/// `stop`, and the signal's error is returned.
+/// Runs work on another thread, without Python's lock. A signal sets `stop`, which
+/// the work checks; the signal's error is then returned.
 ///
 /// # Errors
 /// The error that a signal handler raises, such as `KeyboardInterrupt`.

@@ -79,7 +79,7 @@ pub struct Attention {
     pub since: String,
     /// Whether somebody should look: surprising or stuck, not acknowledged since and not muted.
     pub is_needed: bool,
-    /// When somebody last acknowledged the session's alarms; null if nobody did. Alarms with a
+    /// When the session's alarms were last acknowledged; null if they never were. Alarms with a
     /// later `since` need attention again.
     #[schema(format = DateTime)]
     pub acknowledged_at: Option<String>,

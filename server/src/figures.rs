@@ -2,7 +2,7 @@
 //!
 //! Prometheus computes an increase from two values. A counter that first appears at 1 has not
 //! increased, so that an alert would miss the first failure. Not here: metrics with another source
-//! of a first value (`app`), and metrics whose labels nobody knows before (`storage`).
+//! of a first value (`app`), and metrics whose labels are not known in advance (`storage`).
 
 use crate::clock::now_ms;
 

@@ -115,7 +115,7 @@ fn believed(one: &FleetSession) -> String {
     format!("{name} {:.1} %", 100.0 * probability)
 }
 
-/// An alarm that needs nobody is said to be seen.
+/// The word for a state. Acknowledged and muted alarms are marked as seen.
 fn level(level: AttentionLevel, is_needed: bool) -> &'static str {
     match (level, is_needed) {
         (AttentionLevel::Surprising, true) => "surprising",

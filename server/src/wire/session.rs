@@ -57,7 +57,7 @@ pub(crate) struct Options {
     /// The key that requested the lease.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) leased_by: Option<Uuid>,
-    /// When somebody last acknowledged the session's alarms.
+    /// When the session's alarms were last acknowledged.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) acknowledged_at_ms: Option<u64>,
     /// Until when its alarms need no attention.

@@ -1631,7 +1631,7 @@ export interface components {
         Attention: {
             /**
              * Format: date-time
-             * @description When somebody last acknowledged the session's alarms; null if nobody did. Alarms with a
+             * @description When the session's alarms were last acknowledged; null if they never were. Alarms with a
              *     later `since` need attention again.
              */
             acknowledged_at?: string | null;

@@ -1,4 +1,4 @@
-//! A folder of snapshots named by their time, of which a number is kept.
+//! A folder of snapshots whose names are their times; the newest ones are kept.
 //!
 //! Other files in the folder are left alone.
 

@@ -20,9 +20,9 @@ const BELIEVED: f64 = 0.7;
 const NONE: f64 = 0.5;
 /// Growth of the entropy by one reading that surprises, bits. Chosen: half a yes-or-no question.
 const JUMP_BITS: f64 = 0.5;
-/// Number of readings from which a jump surprises: the first ones may go anywhere.
+/// Number of readings from which a jump surprises. Chosen: the first two may raise the entropy.
 const JUMP_READINGS: u32 = 3;
-/// Number of newest beliefs in which another answer is a change.
+/// Number of newest beliefs among which the answer changes. Chosen: about the touches of one look.
 const RECENT: usize = 5;
 /// Time for which a change or a jump surprises. Chosen: who did not look in ten minutes sees the
 /// present belief; older surprises hide new ones.
@@ -33,7 +33,8 @@ const QUIET_MS: u64 = 60_000;
 /// Number of readings without progress after which a session is stuck. Chosen: twice what most
 /// objects take.
 const IDLE_READINGS: u32 = 8;
-/// Entropy above which a session is not done, and its least fall in so many readings, bits.
+/// A session is stuck if its entropy is above the first value and fell by less than the second in
+/// that many readings, bits. Chosen: half a yes-or-no question is open, and a tenth is noise.
 const IDLE_BITS: f64 = 0.5;
 const PROGRESS_BITS: f64 = 0.1;
 
@@ -132,8 +133,8 @@ fn is(point: &Point, name: &str, least: f64) -> bool {
     point.best.as_ref().is_some_and(|best| best.name == name && best.probability >= least)
 }
 
-/// Time of the first of the newest beliefs for all of which something holds; it holds for the
-/// last.
+/// Time at which the run of beliefs that ends with the last one began: `holds` is true for each of
+/// them.
 fn first_of_run(trace: &[Point], holds: impl Fn(&Point) -> bool) -> u64 {
     trace.iter().rev().take_while(|point| holds(point)).last().map_or(0, |point| point.at_ms)
 }

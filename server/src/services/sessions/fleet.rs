@@ -35,7 +35,7 @@ pub(super) struct OpenSession {
     pub(super) status: Status,
     pub(super) judgement: Judgement,
     pub(super) is_needed: bool,
-    /// Whether its belief may be formed when nobody asks for it.
+    /// Whether the watch forms its belief without a request.
     pub(super) is_cheap: bool,
     handled: Handled,
     trace: Vec<Point>,
