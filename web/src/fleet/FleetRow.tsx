@@ -19,6 +19,9 @@ export function FleetRow(props: {
   const robots = info.robots.length > 0 ? info.robots.join(", ") : "no robot yet";
   const entropy = trace.at(-1)?.entropyBits;
   const first = trace[0]?.entropyBits;
+  // Only the first page is followed live; other rows show the listed belief.
+  const { latest } = info;
+  const shown = belief ?? (latest && { objects: latest.best ? [latest.best] : [], unknown: latest.unknown });
   const nReadings = belief?.n_readings ?? session.n_readings;
   return (
     <li class={`fleet-row level-${isSeen ? "seen" : level}`}>
@@ -38,8 +41,8 @@ export function FleetRow(props: {
         </span>
       </div>
       <div class="fleet-bars">
-        {belief ? (
-          <ProbabilityBars of={shares(belief.objects, belief.unknown ?? 0, 3)} label={`Likeliest objects of ${robots}`} />
+        {shown ? (
+          <ProbabilityBars of={shares(shown.objects, shown.unknown ?? 0, 3)} label={`Likeliest objects of ${robots}`} />
         ) : (
           <span class="faint">{nReadings === 0 ? "nothing felt yet" : "loading belief …"}</span>
         )}
