@@ -14,6 +14,7 @@ pub(crate) mod fsck;
 pub(crate) mod health;
 pub(crate) mod jobs;
 pub(crate) mod keys;
+mod labels;
 pub(crate) mod letters;
 pub(crate) mod load;
 pub(crate) mod maps;

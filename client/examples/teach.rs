@@ -22,7 +22,7 @@ async fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut names = Vec::new();
     for file in &files {
         let name = Path::new(file).file_stem().ok_or("expected STL files")?.to_string_lossy();
-        let object = CreateObject { name: name.to_string(), description: String::new() };
+        let object = CreateObject { name: name.to_string(), ..CreateObject::default() };
         client.create_object(&object).await?;
         let mesh = std::fs::read(file)?.into();
         let report = client.put_mesh(&name, MeshFormat::Stl, MeshUnit::Mm, mesh).await?;

@@ -23,7 +23,7 @@ async fn main() -> Result<(), Box<dyn std::error::Error>> {
         let fleet = client.fleet(&needed).await?;
         println!("open sessions: {}, in need of attention: {}", fleet.n_open, fleet.n_needed);
         for one in &fleet.sessions {
-            let robots = one.robots.join(", ");
+            let robots = one.session.touched_by.join(", ");
             println!("  {robots} in {}: {}", one.session.id, one.attention.reason);
         }
         let sessions: Vec<_> = fleet.sessions.iter().map(|one| one.session.id).collect();

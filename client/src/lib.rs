@@ -33,6 +33,7 @@ mod storage;
 mod history;
 mod sessions;
 mod fleet;
+mod labels;
 mod stamps;
 mod events;
 mod touch_session;

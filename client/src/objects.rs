@@ -2,8 +2,8 @@
 
 use bytes::Bytes;
 use palpate_schemas::{
-    AddTrainingReadings, CreateObject, MeshFormat, MeshReport, MeshUnit, ObjectInfo, ObjectPage,
-    PageQuery, Reading, StoredReadingPage, TrainingReadingsAdded, UpdateObject,
+    AddTrainingReadings, CreateObject, LabelledQuery, MeshFormat, MeshReport, MeshUnit, ObjectInfo,
+    ObjectPage, PageQuery, Reading, StoredReadingPage, TrainingReadingsAdded, UpdateObject,
 };
 
 use crate::client::Client;
@@ -24,8 +24,8 @@ impl Client {
     ///
     /// # Errors
     /// [`Error`].
-    pub async fn objects(&self, page: &PageQuery) -> Result<ObjectPage, Error> {
-        self.send(Request::get(["v1", "objects"]).page(page)).await
+    pub async fn objects(&self, query: &LabelledQuery) -> Result<ObjectPage, Error> {
+        self.send(Request::get(["v1", "objects"]).labelled(query)).await
     }
 
     /// Returns all objects, page by page.
@@ -33,7 +33,19 @@ impl Client {
     /// # Errors
     /// [`Error`].
     pub async fn all_objects(&self) -> Result<Vec<ObjectInfo>, Error> {
-        let (mut all, mut query) = (Vec::new(), PageQuery { limit: Some(1000), cursor: None });
+        let query = LabelledQuery { limit: Some(1000), ..LabelledQuery::default() };
+        self.objects_that_fit(query).await
+    }
+
+    /// Returns all objects that fit a query, page by page from its cursor on.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn objects_that_fit(
+        &self,
+        mut query: LabelledQuery,
+    ) -> Result<Vec<ObjectInfo>, Error> {
+        let mut all = Vec::new();
         loop {
             let page = self.objects(&query).await?;
             all.extend(page.items);

@@ -1,6 +1,7 @@
 //! A request before it is sent: method, path, query, content, and whether it may be repeated.
 
 use bytes::Bytes;
+use palpate_schemas::{LabelledQuery, PageQuery};
 use reqwest::{Method, Url};
 use serde::Serialize;
 
@@ -53,6 +54,15 @@ impl Request {
         let path = path.into_iter().map(str::to_owned).collect();
         let (query, headers, content) = (Vec::new(), Vec::new(), Content::Nothing);
         Self { method, path, query, headers, content, repeat }
+    }
+
+    pub(crate) fn page(self, page: &PageQuery) -> Self {
+        self.query("limit", page.limit).query("cursor", page.cursor.as_deref())
+    }
+
+    pub(crate) fn labelled(self, query: &LabelledQuery) -> Self {
+        let page = PageQuery { limit: query.limit, cursor: query.cursor.clone() };
+        self.page(&page).query("labels", query.labels.as_ref())
     }
 
     pub(crate) fn query(mut self, name: &'static str, value: Option<impl ToString>) -> Self {

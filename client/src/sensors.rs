@@ -2,7 +2,7 @@
 
 use palpate_schemas::{
     AnalyseCoverings, CalibrateSensor, CalibrationQuery, CommissionSensor, Commissioning,
-    CoveringAnalysis, CreateSensor, PageQuery, Reading, ReadingCheck, ReferenceBodies,
+    CoveringAnalysis, CreateSensor, LabelledQuery, Reading, ReadingCheck, ReferenceBodies,
     ReferenceBodyName, Sensor, SensorCalibration, SensorHealth, SensorPage, SensorPassport,
 };
 
@@ -24,8 +24,8 @@ impl Client {
     ///
     /// # Errors
     /// [`Error`].
-    pub async fn sensors(&self, page: &PageQuery) -> Result<SensorPage, Error> {
-        self.send(Request::get(["v1", "sensors"]).page(page)).await
+    pub async fn sensors(&self, query: &LabelledQuery) -> Result<SensorPage, Error> {
+        self.send(Request::get(["v1", "sensors"]).labelled(query)).await
     }
 
     /// Returns a sensor, by id or name.
@@ -144,11 +144,5 @@ impl Client {
     ) -> Result<CoveringAnalysis, Error> {
         let request = Request::post(["v1", "analyses", "covering"]).json(question);
         self.send(request.repeat(Repeat::Harmless)).await
-    }
-}
-
-impl Request {
-    pub(crate) fn page(self, page: &PageQuery) -> Self {
-        self.query("limit", page.limit).query("cursor", page.cursor.as_deref())
     }
 }

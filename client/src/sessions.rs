@@ -3,7 +3,7 @@
 use palpate_schemas::{
     AddReadings, AskNextTouches, Belief, BeliefQuery, CloseSession, CreateSession, ExtendSession,
     Marginals, MarginalsQuery, NextTouches, PageQuery, ReadingsAdded, ReadingsQuery, Session,
-    SessionPage, SessionState, SessionsQuery,
+    SessionOrder, SessionPage, SessionState, SessionsQuery,
 };
 use uuid::Uuid;
 
@@ -23,7 +23,7 @@ impl Client {
         self.send(Request::post(["v1", "sessions"]).json(session)).await
     }
 
-    /// Returns a page of the sessions.
+    /// Returns a page of the sessions that fit the query.
     ///
     /// # Errors
     /// [`Error`].
@@ -33,7 +33,24 @@ impl Client {
             SessionState::Open => "open",
             SessionState::Closed => "closed",
         });
-        self.send(Request::get(["v1", "sessions"]).page(&page).query("state", state)).await
+        let order = query.order.map(|order| match order {
+            SessionOrder::Oldest => "oldest",
+            SessionOrder::Newest => "newest",
+        });
+        let request = Request::get(["v1", "sessions"])
+            .page(&page)
+            .query("state", state)
+            .query("order", order)
+            .query("catalogue", query.catalogue.as_ref())
+            .query("method", query.method.map(|method| method.name()))
+            .query("robot", query.robot.as_ref())
+            .query("object", query.object.as_ref())
+            .query("none_of_these", query.none_of_these)
+            .query("with_truth", query.with_truth)
+            .query("since", query.since.as_ref())
+            .query("until", query.until.as_ref())
+            .query("labels", query.labels.as_ref());
+        self.send(request).await
     }
 
     /// Keeps a session open for `seconds` from now without new readings.

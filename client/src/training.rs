@@ -2,8 +2,8 @@
 
 use palpate_schemas::{
     AppearanceReport, Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage,
-    CurrentVersion, Job, JobPage, ObjectMap, PageQuery, RecalibrateCatalogue, SetCurrent,
-    StartTraining,
+    CurrentVersion, Job, JobPage, LabelledQuery, ObjectMap, PageQuery, RecalibrateCatalogue,
+    SetCurrent, ShadowVersion, StartTraining,
 };
 use uuid::Uuid;
 
@@ -13,12 +13,27 @@ use crate::request::Request;
 use crate::retry::Repeat;
 
 impl Client {
+    /// Starts a comparison of a version with another one on ended sessions.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn shadow_version(
+        &self,
+        catalogue: &str,
+        version: u32,
+        request: &ShadowVersion,
+    ) -> Result<Job, Error> {
+        let version = version.to_string();
+        let path = ["v1", "catalogues", catalogue, "versions", &version, "shadow"];
+        self.send(Request::post(path).json(request)).await
+    }
+
     /// Returns a page of the catalogues.
     ///
     /// # Errors
     /// [`Error`].
-    pub async fn catalogues(&self, page: &PageQuery) -> Result<CataloguePage, Error> {
-        self.send(Request::get(["v1", "catalogues"]).page(page)).await
+    pub async fn catalogues(&self, query: &LabelledQuery) -> Result<CataloguePage, Error> {
+        self.send(Request::get(["v1", "catalogues"]).labelled(query)).await
     }
 
     /// Returns a catalogue.

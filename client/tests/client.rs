@@ -12,7 +12,8 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::any;
 use palpate_client::schemas::{
     AddReadings, BeliefDetail, BeliefQuery, CreateObject, CreateSession, ExplainQuery, JobState,
-    PageQuery, Pose, ProblemType, Reading, ReadingsQuery, ReplayQuery, SetCurrent, Stamp,
+    LabelledQuery, PageQuery, Pose, ProblemType, Reading, ReadingsQuery, ReplayQuery, SetCurrent,
+    Stamp,
 };
 use palpate_client::{Client, ClientOptions, Error, RetryPolicy, Touch};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -72,7 +73,7 @@ fn refused(status: u16, retry_after: &'static str) -> Response {
 }
 
 fn mug() -> CreateObject {
-    CreateObject { name: "mug".to_owned(), description: String::new() }
+    CreateObject { name: "mug".to_owned(), ..CreateObject::default() }
 }
 
 fn reading(robot: Option<&str>) -> AddReadings {
@@ -249,7 +250,7 @@ async fn the_servers_words_are_kept() {
 #[tokio::test]
 async fn an_answer_of_another_type_is_named() {
     let (client, _) = serve(|_| "{}".into_response()).await;
-    let error = client.objects(&PageQuery::default()).await.unwrap_err();
+    let error = client.objects(&LabelledQuery::default()).await.unwrap_err();
     assert!(matches!(error, Error::Unexpected { .. }), "{error}");
     assert!(error.to_string().contains("items"), "{error}");
 }

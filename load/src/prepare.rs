@@ -26,7 +26,7 @@ pub async fn prepare(
     }
     for (place, (shape, name)) in shapes::NAMES.iter().zip(&names).enumerate() {
         progress("adding objects", place, names.len());
-        let create = CreateObject { name: name.clone(), description: String::new() };
+        let create = CreateObject { name: name.clone(), ..CreateObject::default() };
         match client.create_object(&create).await {
             Err(error) if error.kind() == Some(ProblemType::Conflict) => {}
             other => drop(other?),

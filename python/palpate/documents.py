@@ -61,7 +61,7 @@ class SensorInfo:
 
 @dataclass(frozen=True)
 class Job:
-    """A training or recalibration."""
+    """A training, a recalibration or a comparison of versions."""
 
     id: str
     catalogue: str

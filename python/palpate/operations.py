@@ -12,6 +12,7 @@ from typing import Any
 import numpy.typing as npt
 
 from palpate._native import Mesh
+from palpate.administration import Administration, same
 from palpate.belief import Belief
 from palpate.documents import Added, Job, NextTouches, ObjectInfo, SensorInfo, Session
 from palpate.errors import JobFailedError
@@ -46,11 +47,6 @@ POLL_MIN, POLL_MAX = 0.1, 1.0
 MEDIA_TYPES = {"stl": "model/stl", "obj": "model/obj", "ply": "model/ply", "off": "model/off"}
 
 Progress = Callable[[Job], None]
-
-
-def same(document: Document) -> Document:
-    """The answer as it came."""
-    return document
 
 
 def read_job(job: str) -> Steps[Job]:
@@ -152,7 +148,7 @@ def rank(
     return ask(request, NextTouches.from_wire)
 
 
-class Operations:
+class Operations(Administration):
     """The operations of `Client` and `AsyncClient`."""
 
     # The server.
@@ -175,9 +171,9 @@ class Operations:
     # Sensors.
 
     @operation
-    def sensors(self) -> Steps[list[SensorInfo]]:
-        """Returns all sensors."""
-        return pages(get("v1", "sensors"), SensorInfo.from_wire)
+    def sensors(self, *, labels: str | None = None) -> Steps[list[SensorInfo]]:
+        """Returns all sensors, or those with all these labels (`site:oslo,shift`)."""
+        return pages(get("v1", "sensors").with_query(labels=labels), SensorInfo.from_wire)
 
     @operation
     def sensor(self, sensor: str) -> Steps[SensorInfo]:
@@ -266,9 +262,9 @@ class Operations:
     # Objects.
 
     @operation
-    def objects(self) -> Steps[list[ObjectInfo]]:
-        """Returns all objects."""
-        return pages(get("v1", "objects"), ObjectInfo.from_wire)
+    def objects(self, *, labels: str | None = None) -> Steps[list[ObjectInfo]]:
+        """Returns all objects, or those with all these labels (`site:oslo,shift`)."""
+        return pages(get("v1", "objects").with_query(labels=labels), ObjectInfo.from_wire)
 
     @operation
     def object(self, object: str) -> Steps[ObjectInfo]:
@@ -349,9 +345,9 @@ class Operations:
     # Catalogues and trainings.
 
     @operation
-    def catalogues(self) -> Steps[list[Document]]:
-        """Returns all catalogues."""
-        return pages(get("v1", "catalogues"), same)
+    def catalogues(self, *, labels: str | None = None) -> Steps[list[Document]]:
+        """Returns all catalogues, or those with all these labels (`site:oslo,shift`)."""
+        return pages(get("v1", "catalogues").with_query(labels=labels), same)
 
     @operation
     def catalogue(self, name: str = "default") -> Steps[Document]:
@@ -447,9 +443,23 @@ class Operations:
         return create(options)
 
     @operation
-    def sessions(self, state: str | None = None) -> Steps[list[Session]]:
-        """Returns all sessions, or those that are open or closed."""
-        return pages(get("v1", "sessions").with_query(state=state), Session.from_wire)
+    def sessions(
+        self,
+        state: str | None = None,
+        *,
+        none_of_these: bool | None = None,
+        with_truth: bool | None = None,
+        **search: str,
+    ) -> Steps[list[Session]]:
+        """Returns the sessions that fit, oldest first.
+
+        `search` is any of `robot`, `object`, `method`, `catalogue`, `labels`, `since`, `until` and
+        `order` (`oldest`, `newest`).
+        """
+        flags = {"none_of_these": none_of_these, "with_truth": with_truth}
+        told = {name: str(flag).lower() for name, flag in flags.items() if flag is not None}
+        request = get("v1", "sessions").with_query(state=state, **told, **search)
+        return pages(request, Session.from_wire)
 
     @operation
     def session(self, session: str) -> Steps[Session]:

@@ -229,3 +229,51 @@ def test_lists_have_all_pages(own_server: Server) -> None:
         page = client.run(palpate.steps.ask(request, dict))
         assert len(page["items"]) == 2 and page["next_cursor"]
         assert len(client.objects()) == 3
+
+
+def test_sessions_are_labelled_searched_and_compared(
+    client: Client, trained: str, felt: Readings
+) -> None:
+    session = client.create_session(catalogue=trained, labels={"site": "oslo"})
+    client.add_readings(session.id, SENSOR, felt, robot="searched")
+    client.close_session(session.id, truth="mug-client")
+    labelled = client.set_session_labels(session.id, {"site": "oslo", "shift": "night"})
+    assert labelled.document["labels"] == {"shift": "night", "site": "oslo"}
+    search = {"robot": "searched", "labels": "shift:night", "order": "newest"}
+    assert [one.id for one in client.sessions("closed", with_truth=True, **search)] == [session.id]
+    assert client.sessions("open", **search) == []
+    assert client.sessions(none_of_these=True, **search) == []
+
+    client.set_object_labels("mug-client", {"line": "3"})
+    assert [one.name for one in client.objects(labels="line:3")] == ["mug-client"]
+    client.set_sensor_labels(SENSOR, {"side": "left"})
+    assert [one.name for one in client.sensors(labels="side")] == [SENSOR]
+    client.set_catalogue_labels(trained, {"team": "b"})
+    assert [one["name"] for one in client.catalogues(labels="team:b")] == [trained]
+
+    client.train(trained, objects=["mug-client"], sva=False, surface=True, activate=False)
+    assert client.set_alias(trained, "candidate", 2)["aliases"] == {"candidate": 2}
+    job = client.wait_for(client.start_comparison(2, trained, sessions=[session.id]))
+    assert job.document["shadow_report"]["n_with_truth"] == 1
+    client.remove_alias(trained, "candidate")
+    assert client.catalogue(trained)["aliases"] == {}
+
+
+def test_the_fleet_is_read_and_closed(client: Client, trained: str, felt: Readings) -> None:
+    session = client.create_session(catalogue=trained)
+    client.add_readings(session.id, SENSOR, felt, robot="fleet")
+    assert session.id in {one["session"]["id"] for one in client.fleet()["sessions"]}
+    assert client.acknowledge_sessions([session.id], mute_s=60)["n_done"] == 1
+    assert client.close_sessions([session.id])["n_done"] == 1
+    assert session.id not in {one["session"]["id"] for one in client.fleet()["sessions"]}
+
+
+def test_keys_are_made_rotated_and_revoked(client: Client) -> None:
+    made = client.create_key("python-arm", "robot", expires_in_s=3600)
+    assert made["secret"].startswith("palpate_")
+    key = made["key"]["id"]
+    assert client.rotate_key(key, grace_s=0)["secret"] != made["secret"]
+    client.revoke_key(key)
+    states = {one["name"]: one["active"] for one in client.keys()}
+    assert states["python-arm"] is False
+    assert client.audit(operation="create_key")[0]["resource"].endswith(key)

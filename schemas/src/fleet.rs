@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use uuid::Uuid;
 
-use crate::history::BestObject;
+use crate::history::TracePoint;
 use crate::session::Session;
 
 /// Parameters of a fleet query.
@@ -51,17 +51,11 @@ pub struct Fleet {
 pub struct FleetSession {
     /// The session.
     pub session: Session,
-    /// The robots that sent the session's 64 newest readings, sorted by name.
-    #[schema(max_items = 64)]
-    pub robots: Vec<String>,
     /// When the newest reading arrived, by the server's clock; null if there is none.
     #[schema(format = DateTime)]
     pub last_reading_at: Option<String>,
     /// Whether it needs attention, and why.
     pub attention: Attention,
-    /// The newest belief that the server has formed; null before the first. Readings that were
-    /// posted with `belief=none` count soon after the last of them.
-    pub latest: Option<TracePoint>,
     /// With `?trace=true` the newest beliefs, at most 24, oldest first; else empty.
     #[schema(max_items = 24)]
     pub trace: Vec<TracePoint>,
@@ -102,24 +96,6 @@ pub enum AttentionLevel {
     Waiting,
     /// One object is likely.
     Sure,
-}
-
-/// A belief of a session in short.
-#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
-pub struct TracePoint {
-    /// Revision of the belief.
-    pub revision: u32,
-    /// Number of readings that counted.
-    pub n_readings: u32,
-    /// When the session's newest change of the revision arrived, by the server's clock.
-    #[schema(format = DateTime)]
-    pub at: String,
-    /// The likeliest object and its probability.
-    pub best: Option<BestObject>,
-    /// Probability that the object is not in the catalogue.
-    pub unknown: f64,
-    /// Entropy of the identity in bits, including "none of these".
-    pub entropy_bits: f64,
 }
 
 /// Acknowledges the alarms of sessions.

@@ -183,6 +183,24 @@ pub struct BestObject {
     pub probability: f64,
 }
 
+/// A belief of a session in short.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct TracePoint {
+    /// Revision of the belief.
+    pub revision: u32,
+    /// Number of readings that counted.
+    pub n_readings: u32,
+    /// When the session's newest change of the revision arrived, by the server's clock.
+    #[schema(format = DateTime)]
+    pub at: String,
+    /// The likeliest object and its probability.
+    pub best: Option<BestObject>,
+    /// Probability that the object is not in the catalogue.
+    pub unknown: f64,
+    /// Entropy of the identity in bits, including "none of these".
+    pub entropy_bits: f64,
+}
+
 /// Selects the belief to explain.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq, IntoParams)]
 #[into_params(parameter_in = Query)]

@@ -5,9 +5,10 @@ use utoipa::ToSchema;
 use uuid::Uuid;
 
 use crate::recalibration::RecalibrateCatalogue;
+use crate::shadow::{ShadowReport, ShadowVersion};
 use crate::training::StartTraining;
 
-/// A job: a training, or a recalibration.
+/// A job: a training, a recalibration, or a comparison of two versions.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct Job {
     /// The job's id.
@@ -24,12 +25,19 @@ pub struct Job {
     pub total: u32,
     /// Estimated seconds until the stage is done.
     pub eta_s: Option<f64>,
-    /// The training request, with defaults; empty for a recalibration.
+    /// The training request, with defaults; empty for other jobs.
     pub training: StartTraining,
-    /// The recalibration request, with defaults; null for a training.
+    /// The recalibration request, with defaults; null for other jobs.
     #[serde(default)]
     pub recalibration: Option<RecalibrateCatalogue>,
-    /// The version that the job made; null unless it succeeded.
+    /// The comparison request, with defaults; null for other jobs.
+    #[serde(default)]
+    pub shadow: Option<ShadowVersion>,
+    /// What a comparison found; null until it succeeds, and for other jobs.
+    #[serde(default)]
+    pub shadow_report: Option<ShadowReport>,
+    /// The version that the job made; of a comparison the version that was tried. Null unless it
+    /// succeeded.
     pub version: Option<u32>,
     /// Why the job failed or was cancelled; null otherwise.
     pub reason: Option<String>,
@@ -89,7 +97,7 @@ impl JobState {
     }
 }
 
-/// Stage of a running training.
+/// Stage of a running job.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum JobStage {
@@ -107,7 +115,8 @@ pub enum JobStage {
     /// Learning the appearance classes, then the histograms; steps are the candidates for the
     /// number of classes and the objects.
     Appearance,
-    /// Replaying ended sessions and fitting the calibration; steps are replays.
+    /// Replaying ended sessions: to fit the calibration, where steps are replays, or to compare two
+    /// versions, where steps are sessions.
     Replaying,
     /// Writing the version.
     Storing,

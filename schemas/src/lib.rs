@@ -11,6 +11,7 @@ pub mod coupling;
 pub mod descriptor;
 pub mod appearance;
 pub mod health;
+pub mod labels;
 pub mod method;
 pub mod page;
 pub mod pose;
@@ -28,9 +29,11 @@ pub mod sensor;
 pub mod sensor_health;
 pub mod commissioning;
 pub mod session;
+pub mod session_list;
 pub mod fleet;
 pub mod storage;
 pub mod recalibration;
+pub mod shadow;
 pub mod training;
 pub mod job;
 
@@ -62,7 +65,7 @@ pub use coupling::{
 pub use descriptor::Descriptor;
 pub use fleet::{
     AcknowledgeSessions, Attention, AttentionLevel, CloseSessions, Fleet, FleetChanged, FleetQuery,
-    FleetResult, FleetSession, TracePoint,
+    FleetResult, FleetSession,
 };
 pub use geometry::{
     AxisUnit, GeometricKind, GeometricReport, GeometricTraining, Marginal, Marginals,
@@ -73,9 +76,10 @@ pub use health::{Check, Compacted, Liveness, Readiness, Version};
 pub use history::{
     BestObject, ExplainQuery, ExplainedAnswer, Explanation, NearestObject, Objection,
     ObjectionCode, ReadingContribution, ReadingMisfit, ReadingRetracted, Replay, ReplayQuery,
-    ReplayStep, SessionChange, SessionReading, SessionReadingPage,
+    ReplayStep, SessionChange, SessionReading, SessionReadingPage, TracePoint,
 };
 pub use job::{Job, JobPage, JobStage, JobState};
+pub use labels::{LabelledQuery, Labels, SetLabels};
 pub use layout::{Drawing, Layout, Taxel};
 pub use method::Method;
 pub use next_touch::{AskNextTouches, NextTouch, NextTouches, TouchCandidate, TouchWorkspace};
@@ -100,15 +104,17 @@ pub use sensor_health::{
 };
 pub use session::{
     AddReadings, BeliefDetail, CloseSession, CreateSession, EventsQuery, ExtendSession, PriorEntry,
-    ReadingsAdded, ReadingsQuery, RobotBase, Session, SessionEnd, SessionEvent, SessionPage,
-    SessionState, SessionsQuery, Truth,
+    ReadingsAdded, ReadingsQuery, RobotBase, Session, SessionEnd, SessionEvent, SessionState,
+    Truth,
 };
+pub use session_list::{SessionOrder, SessionPage, SessionsQuery};
+pub use shadow::{ShadowAnswer, ShadowChange, ShadowReport, ShadowSide, ShadowVersion};
 pub use storage::{Storage, StorageHolder, StoredKind, StoredThing};
 pub use symmetry::{SymmetryAxis, SymmetryBy};
 pub use training::{
     Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage, CurrentVersion,
-    DistanceRange, MapDistances, MapPatch, ObjectMap, ObjectReport, SetCurrent, SkippedObject,
-    StartTraining, SurfaceReport, TrainingReport,
+    DistanceRange, MapDistances, MapPatch, ObjectMap, ObjectReport, SetAlias, SetCurrent,
+    SkippedObject, StartTraining, SurfaceReport, TrainingReport,
 };
 pub use warning::{Warning, WarningCode};
 

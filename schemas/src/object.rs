@@ -5,6 +5,7 @@ use utoipa::{IntoParams, ToSchema};
 use uuid::Uuid;
 
 use crate::access::Writer;
+use crate::labels::Labels;
 use crate::pose::Pose;
 use crate::reading::{Reading, Stamp};
 use crate::warning::Warning;
@@ -18,6 +19,9 @@ pub struct ObjectInfo {
     pub name: String,
     /// Description for people.
     pub description: String,
+    /// Its labels.
+    #[serde(default)]
+    pub labels: Labels,
     /// The uploaded mesh, if any.
     pub mesh: Option<MeshInfo>,
     /// Number of stored training readings.
@@ -25,7 +29,7 @@ pub struct ObjectInfo {
     /// When the object was created.
     #[schema(format = DateTime)]
     pub created_at: String,
-    /// When the name or description last changed.
+    /// When the name, the description or the labels last changed.
     #[schema(format = DateTime)]
     pub updated_at: String,
 }
@@ -40,7 +44,7 @@ pub struct ObjectPage {
 }
 
 /// A new object.
-#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CreateObject {
     /// Unique name: 1 to 64 letters, digits, `.`, `_` or `-`.
@@ -50,6 +54,9 @@ pub struct CreateObject {
     #[serde(default)]
     #[schema(max_length = 2000)]
     pub description: String,
+    /// Labels for searches: at most 16, as `PUT …/labels` describes them.
+    #[serde(default, skip_serializing_if = "Labels::is_empty")]
+    pub labels: Labels,
 }
 
 /// Changes to an object. Omitted fields stay as they are.

@@ -5,6 +5,7 @@ use utoipa::ToSchema;
 use uuid::Uuid;
 
 use crate::coupling::{Coupling, SensorKnowledge, SensorRanges};
+use crate::labels::Labels;
 use crate::layout::{Layout, Taxel};
 use crate::pose::Point;
 use crate::warning::Warning;
@@ -18,6 +19,9 @@ pub struct Sensor {
     pub name: String,
     /// The preset the sensor was created from, if any.
     pub preset: Option<String>,
+    /// Its labels.
+    #[serde(default)]
+    pub labels: Labels,
     /// Geometry and response. Immutable, because stored readings rely on it.
     pub description: SensorDescription,
     /// How values become images; null for taxels on a grid.
@@ -70,6 +74,9 @@ pub struct CreateSensor {
     /// `digitacts-…`, `fingertip-…` and `tekscan-26x26`, which describe simulated sensors.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensor_knowledge: Option<SensorKnowledge>,
+    /// Labels for searches: at most 16, as `PUT …/labels` describes them.
+    #[serde(default, skip_serializing_if = "Labels::is_empty")]
+    pub labels: Labels,
 }
 
 /// Geometry and response of a new sensor, in metres and pascals. The answer contains the defaults

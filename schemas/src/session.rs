@@ -7,6 +7,8 @@ use uuid::Uuid;
 use crate::access::Writer;
 use crate::belief::Belief;
 use crate::geometry::PosePrior;
+use crate::history::TracePoint;
+use crate::labels::Labels;
 use crate::method::Method;
 use crate::reading::{Looseness, Reading};
 use crate::warning::Warning;
@@ -24,6 +26,11 @@ pub struct CreateSession {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 1)]
     pub version: Option<u32>,
+    /// Alias of a version, such as `candidate`: the session keeps the version that it names now.
+    /// Excludes `version`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(max_length = 64)]
+    pub alias: Option<String>,
     /// Recognition method. Default: `surface`, or `sva` if the version has no surfaces.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub method: Option<Method>,
@@ -82,6 +89,9 @@ pub struct CreateSession {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 1, maximum = 31_536_000)]
     pub ttl_s: Option<u32>,
+    /// Labels for searches: at most 16, as `PUT …/labels` describes them.
+    #[serde(default, skip_serializing_if = "Labels::is_empty")]
+    pub labels: Labels,
 }
 
 /// The end of a session and, if known, the true object.
@@ -119,24 +129,6 @@ pub struct ExtendSession {
     /// never shortened.
     #[schema(minimum = 1, maximum = 31_536_000, example = 3600)]
     pub seconds: u32,
-}
-
-/// Parameters of a list of sessions.
-#[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq, Eq, IntoParams)]
-#[serde(deny_unknown_fields)]
-#[into_params(parameter_in = Query)]
-pub struct SessionsQuery {
-    /// Maximum number of items, 1 to 1000. Default: 100.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[param(minimum = 1, maximum = 1000)]
-    pub limit: Option<u32>,
-    /// The `next_cursor` of the previous page, passed back unchanged.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub cursor: Option<String>,
-    /// Only sessions in this state.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[param(inline)]
-    pub state: Option<SessionState>,
 }
 
 /// A robot with an inexactly known base.
@@ -228,6 +220,18 @@ pub struct Session {
     /// The true object, if a client reported it; null otherwise.
     #[serde(default)]
     pub truth: Option<Truth>,
+    /// What the newest belief says, in short: of an ended session the last one. Null before the
+    /// first, and for sessions that ended before the server kept it. Readings posted with
+    /// `belief=none` count soon after the last of them.
+    #[serde(default)]
+    pub latest: Option<TracePoint>,
+    /// The robots that sent the session's 64 newest readings, sorted by name.
+    #[serde(default)]
+    #[schema(max_items = 64)]
+    pub touched_by: Vec<String>,
+    /// Its labels.
+    #[serde(default)]
+    pub labels: Labels,
 }
 
 /// Why a session ended.
@@ -248,15 +252,6 @@ pub enum SessionState {
     Open,
     /// The session was closed or has expired. Its belief can still be read.
     Closed,
-}
-
-/// A page of sessions.
-#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
-pub struct SessionPage {
-    /// The sessions, oldest first.
-    pub items: Vec<Session>,
-    /// The cursor of the next page; null on the last.
-    pub next_cursor: Option<String>,
 }
 
 /// Readings to add to a session.

@@ -1,5 +1,7 @@
 //! Catalogues on the wire: versions, training requests and their reports.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 use uuid::Uuid;
@@ -9,6 +11,7 @@ use crate::belief::UncalibratedReason;
 use crate::coupling::SensorKnowledge;
 use crate::descriptor::Descriptor;
 use crate::geometry::{GeometricReport, GeometricTraining, VersionReference};
+use crate::labels::Labels;
 use crate::recalibration::RecalibrationReport;
 use crate::symmetry::{SymmetryAxis, SymmetryBy};
 use crate::warning::Warning;
@@ -22,6 +25,12 @@ pub struct Catalogue {
     pub current: Option<CurrentVersion>,
     /// Number of the newest version; 0 if there is none.
     pub latest_version: u32,
+    /// Names of further versions, such as `candidate`, and the versions that they name.
+    #[serde(default)]
+    pub aliases: BTreeMap<String, u32>,
+    /// Its labels.
+    #[serde(default)]
+    pub labels: Labels,
     /// Past and present current versions, newest first; at most 100 entries.
     pub history: Vec<CurrentVersion>,
 }
@@ -51,6 +60,15 @@ pub struct CurrentVersion {
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SetCurrent {
+    /// Number of a version of this catalogue.
+    #[schema(minimum = 1)]
+    pub version: u32,
+}
+
+/// The version that an alias names.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SetAlias {
     /// Number of a version of this catalogue.
     #[schema(minimum = 1)]
     pub version: u32,

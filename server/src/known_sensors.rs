@@ -1,7 +1,7 @@
 //! Cache of sensors and calibrations, by the names and numbers in stored readings.
 //!
-//! Calibrations never change and sensors are immutable, so both stay cached, a sensor until
-//! its removal.
+//! Calibrations never change, nor do sensors but for their labels, so both stay cached, a sensor
+//! until its labels change or it is removed.
 
 use std::sync::Arc;
 
@@ -72,7 +72,7 @@ impl KnownSensors {
         self.find(reference)?.ok_or_else(unknown)
     }
 
-    /// Drops a removed sensor.
+    /// Drops a sensor that was removed or has other labels.
     pub(crate) fn forget(&self, sensor: Uuid) {
         self.sensors.retain(|_, known| known.id != sensor);
     }

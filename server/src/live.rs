@@ -11,6 +11,7 @@ pub(crate) mod checkpoints;
 mod folding;
 mod history;
 mod order;
+pub(crate) mod outcome;
 mod past;
 mod presses;
 mod questions;

@@ -31,6 +31,7 @@ use crate::services::keys::error::{KeyError, KeyFault};
 use crate::services::objects::ObjectError;
 use crate::services::recalibration::RecalibrationError;
 use crate::services::sessions::SessionError;
+use crate::services::shadow::ShadowError;
 use crate::wire::Invalid;
 use crate::wire::object::FormatError;
 
@@ -322,6 +323,7 @@ fn job(error: &JobError) -> Answer {
         JobError::QueueFull { waiting } => overloaded("trainings", "trainings", *waiting),
         JobError::Catalogue(error) => catalogue(error),
         JobError::Recalibration(error) => recalibration(error),
+        JobError::Shadow(error) => shadow(error),
         JobError::Cause(error) => cause(error),
     }
 }
@@ -334,6 +336,16 @@ fn recalibration(error: &RecalibrationError) -> Answer {
         | RecalibrationError::NoPart(_)
         | RecalibrationError::Stopped => ProblemType::WrongState.into(),
         RecalibrationError::Cause(error) => cause(error),
+    }
+}
+
+fn shadow(error: &ShadowError) -> Answer {
+    match error {
+        ShadowError::NoSessions { .. }
+        | ShadowError::NothingReplayed { .. }
+        | ShadowError::NoPart(_)
+        | ShadowError::Stopped => ProblemType::WrongState.into(),
+        ShadowError::Cause(error) => cause(error),
     }
 }
 

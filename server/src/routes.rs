@@ -11,6 +11,7 @@ pub(crate) mod fleet;
 pub(crate) mod history;
 pub(crate) mod jobs;
 pub(crate) mod keys;
+pub(crate) mod labels;
 pub(crate) mod maps;
 pub(crate) mod objects;
 pub(crate) mod sensor_health;
@@ -49,6 +50,7 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(objects::list_objects, objects::create_object))
         .routes(routes!(objects::get_object, objects::update_object, objects::delete_object))
         .routes(routes!(objects::get_mesh, objects::put_mesh))
+        .routes(routes!(objects::get_thumbnail))
         .routes(routes!(objects::list_object_readings, objects::add_object_readings))
         .routes(routes!(training::list_catalogues))
         .routes(routes!(training::get_catalogue, training::delete_catalogue))
@@ -56,6 +58,7 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(training::recalibrate_catalogue))
         .routes(routes!(training::list_versions))
         .routes(routes!(training::get_version, training::delete_version))
+        .routes(routes!(training::shadow_version))
         .routes(routes!(training::get_report))
         .routes(routes!(training::get_appearance_report))
         .routes(routes!(training::get_object_map))
@@ -85,6 +88,11 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(fleet::close_sessions))
         .routes(routes!(events::session_events))
         .routes(routes!(events::events))
+        .routes(routes!(labels::set_session_labels))
+        .routes(routes!(labels::set_object_labels))
+        .routes(routes!(labels::set_sensor_labels))
+        .routes(routes!(labels::set_catalogue_labels))
+        .routes(routes!(labels::set_alias, labels::remove_alias))
         .routes(routes!(keys::list_keys, keys::create_key))
         .routes(routes!(keys::get_key, keys::revoke_key))
         .routes(routes!(keys::rotate_key))

@@ -342,6 +342,10 @@ async fn assemble(
     ));
     let counted = Arc::clone(&sessions);
     let counted = tokio::task::spawn_blocking(move || counted.take_stock()).await;
+    let pictured = Arc::clone(&objects);
+    tokio::task::spawn_blocking(move || pictured.tidy_thumbnails())
+        .await
+        .map_err(std::io::Error::other)?;
     counted
         .map_err(std::io::Error::other)?
         .map_err(|refusal| StartError::Sessions { reason: refusal.to_string() })?;

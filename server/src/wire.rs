@@ -15,6 +15,7 @@ mod descriptor;
 pub(crate) mod evidence;
 pub(crate) mod felt;
 pub(crate) mod geometry;
+pub(crate) mod labels;
 mod layout;
 pub(crate) mod life;
 pub(crate) mod misfit;

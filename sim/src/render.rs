@@ -50,6 +50,13 @@ pub fn mesh_png(mesh: &Mesh, view: View, size: usize, points: &[DVec3]) -> Vec<u
     drawn(mesh, view, size, points).to_png()
 }
 
+/// A small picture of `size` × `size` pixels of a mesh, for lists: smooth edges, RGBA with a
+/// transparent background.
+#[must_use]
+pub fn thumbnail_png(mesh: &Mesh, size: usize) -> Vec<u8> {
+    drawn(mesh, View::default(), 2 * size, &[]).to_small_png()
+}
+
 fn drawn(mesh: &Mesh, view: View, size: usize, points: &[DVec3]) -> Canvas {
     let mut canvas = Canvas::new(size, size, BACKGROUND);
     let (low, high) = mesh.bounds();
@@ -105,5 +112,22 @@ mod tests {
         };
         assert!(has_mark(0.029 * DVec3::Z));
         assert!(!has_mark(-0.029 * DVec3::Z));
+    }
+
+    #[test]
+    fn a_thumbnail_shows_the_object_on_a_transparent_ground() {
+        let png = thumbnail_png(&sphere(0.03, 24), 64);
+        let mut reader = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut pixels).unwrap();
+        assert_eq!((info.width, info.height, info.color_type), (64, 64, png::ColorType::Rgba));
+        let (pixels, _) = pixels.as_chunks::<4>();
+        let share = |fits: fn(u8) -> bool| {
+            pixels.iter().filter(|pixel| fits(pixel[3])).count() as f64 / pixels.len() as f64
+        };
+        assert!((0.15..0.3).contains(&share(|alpha| alpha == 255)), "the object");
+        assert!(share(|alpha| alpha == 0) > 0.2, "the ground");
+        assert!(share(|alpha| alpha > 0 && alpha < 255) > 0.005, "smooth edges");
+        assert_eq!((pixels[0][3], pixels[64 * 32 + 32][3]), (0, 255));
     }
 }

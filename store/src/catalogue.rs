@@ -17,6 +17,7 @@ use std::sync::Arc;
 use uuid::Uuid;
 
 use crate::engine::{Commit, Engine};
+use crate::entity::Labels;
 use crate::envelope::{self, Kind};
 use crate::error::StoreError;
 use crate::key::{self, Space};
@@ -41,6 +42,10 @@ pub struct Catalogue {
     pub latest: u32,
     /// The version that new sessions use.
     pub current: Option<u32>,
+    /// Names of further versions.
+    pub aliases: BTreeMap<String, u32>,
+    /// Its labels.
+    pub labels: Labels,
     /// Number of switches of `current`; the `ETag` of the alias.
     pub revision: u64,
     /// The last [`HISTORY_MAX`] switches, oldest first.
@@ -53,7 +58,17 @@ impl Catalogue {
     /// A catalogue without versions.
     #[must_use]
     pub fn new(id: Uuid, name: String, created_at_ms: u64) -> Self {
-        Self { id, name, latest: 0, current: None, revision: 0, history: Vec::new(), created_at_ms }
+        Self {
+            id,
+            name,
+            latest: 0,
+            current: None,
+            aliases: BTreeMap::new(),
+            labels: Labels::new(),
+            revision: 0,
+            history: Vec::new(),
+            created_at_ms,
+        }
     }
 }
 
@@ -174,6 +189,19 @@ impl Catalogues {
         self.table.list(after, limit)
     }
 
+    /// Up to `limit` catalogues after `after` that fit, as [`Table::list_fitting`].
+    ///
+    /// # Errors
+    /// The engine's.
+    pub fn list_fitting(
+        &self,
+        after: Option<Uuid>,
+        limit: usize,
+        fits: impl Fn(&Catalogue) -> bool,
+    ) -> Result<Page<Catalogue>, StoreError> {
+        self.table.list_fitting(after, limit, fits)
+    }
+
     /// Writes a new version: its blocks, then its manifest. It does not become current. All its
     /// blocks count to the caller, including those that other versions share. No version that has
     /// the draft's shared blocks may be removed meanwhile.
@@ -235,6 +263,18 @@ impl Catalogues {
             Ok(())
         });
         switched.await?
+    }
+
+    /// Changes a catalogue's labels or aliases; `change` may run several times.
+    ///
+    /// # Errors
+    /// As [`Table::update`].
+    pub async fn update<R>(
+        &self,
+        id: Uuid,
+        change: impl FnMut(&mut Catalogue) -> Result<(), R>,
+    ) -> Result<Result<Catalogue, R>, StoreError> {
+        self.table.update(id, change).await
     }
 
     /// The manifest of a version.

@@ -5,11 +5,16 @@
 
 mod stored;
 
+use std::collections::BTreeMap;
+
 use palpate_core::pose::Pose;
 use palpate_core::reading::Looseness;
 use palpate_core::reading::point_contact::ContactNumbers;
 use palpate_core::sensor::{SensorDescription, SensorFamily, SensorKnowledge, StatedRanges};
 use uuid::Uuid;
+
+/// What people call a thing by, for searches: keys and their values.
+pub type Labels = BTreeMap<String, String>;
 
 /// A sensor of robots' readings.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,6 +31,8 @@ pub struct Sensor {
     pub knowledge: SensorKnowledge,
     /// Ranges that the owner states for what the description leaves open.
     pub ranges: StatedRanges,
+    /// Its labels.
+    pub labels: Labels,
     /// Whether it has readings; its geometry is immutable from then on.
     pub used: bool,
     /// Time of creation.
@@ -49,6 +56,8 @@ pub struct Object {
     pub name: String,
     /// Description for people.
     pub description: String,
+    /// Its labels.
+    pub labels: Labels,
     /// Number of changes; the `ETag` of the resource.
     pub revision: u64,
     /// Time of creation.
@@ -103,6 +112,8 @@ pub struct Job {
     pub version: Option<u32>,
     /// Error message of a failed job.
     pub error: Option<String>,
+    /// What it found, as the server writes it (JSON), unless that is in the version.
+    pub report: Option<String>,
     /// Time of the request.
     pub created_at_ms: u64,
     /// Time of the start.

@@ -22,6 +22,9 @@ const UPDATE_ATTEMPTS: usize = 64;
 /// Number of keys per read.
 const KEYS_PER_SCAN: usize = 256;
 
+/// Number of items that one page of a search looks at. Chosen: tens of milliseconds; `next` goes on.
+pub const LOOKED_AT_MAX: usize = 10_000;
+
 /// An item of a [`Table`].
 pub trait Entity: Record + Clone + Send + Sync {
     /// Space of its records.
@@ -158,6 +161,37 @@ impl<T: Entity> Table<T> {
             }
         }
         Ok(Page { next: last.filter(|_| more), items })
+    }
+
+    /// Like [`Table::list_whole`], only items that fit. Looks at [`LOOKED_AT_MAX`] items at most,
+    /// so a page may be short, even empty, and have a next one.
+    ///
+    /// # Errors
+    /// The engine's.
+    pub fn list_fitting(
+        &self,
+        after: Option<Uuid>,
+        limit: usize,
+        fits: impl Fn(&T) -> bool,
+    ) -> Result<Page<T>, StoreError> {
+        let (mut items, mut after, mut n_looked_at) = (Vec::new(), after, 0);
+        loop {
+            let page = self.list_whole(after, KEYS_PER_SCAN)?;
+            let last = page.items.last().map(T::id);
+            n_looked_at += page.items.len();
+            for item in page.items.into_iter().filter(|item| fits(item)) {
+                items.push(item);
+                if items.len() == limit {
+                    let full = items.last().map(T::id);
+                    let next = full.filter(|full| page.next.is_some() || last != Some(*full));
+                    return Ok(Page { items, next });
+                }
+            }
+            after = page.next;
+            if after.is_none() || n_looked_at >= LOOKED_AT_MAX {
+                return Ok(Page { items, next: after });
+            }
+        }
     }
 
     /// Up to `limit` ids after `after`, in ascending order, with the first piece of each record.

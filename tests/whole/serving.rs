@@ -31,7 +31,7 @@ fn client(url: &str) -> Client {
 
 async fn train(client: &Client) {
     for name in ["hammer", "mug"] {
-        let object = CreateObject { name: name.to_owned(), description: String::new() };
+        let object = CreateObject { name: name.to_owned(), ..CreateObject::default() };
         client.create_object(&object).await.unwrap();
         let mesh = shapes::example(name).unwrap().to_stl_bytes().into();
         client.put_mesh(name, MeshFormat::Stl, MeshUnit::M, mesh).await.unwrap();

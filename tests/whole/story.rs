@@ -41,7 +41,7 @@ fn unseen_touches(object: &str, n: usize) -> Vec<Reading> {
 
 async fn train(client: &Client) {
     for name in OBJECTS {
-        let object = CreateObject { name: name.to_owned(), description: String::new() };
+        let object = CreateObject { name: name.to_owned(), ..CreateObject::default() };
         client.create_object(&object).await.unwrap();
         let file = shapes::example(name).unwrap().to_stl_bytes().into();
         let report = client.put_mesh(name, MeshFormat::Stl, MeshUnit::M, file).await.unwrap();

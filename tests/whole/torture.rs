@@ -206,7 +206,11 @@ async fn snapshots_of_a_running_server_verify_and_restore() {
     let config = |data: &str| Config { listen, ..Config::new(at(data)) };
     let server = Server::start(config("data")).await.unwrap();
     let url = format!("http://{}", server.local_addr());
-    let object = palpate_schemas::CreateObject { name: "mug".to_owned(), description: "?".into() };
+    let object = palpate_schemas::CreateObject {
+        name: "mug".to_owned(),
+        description: "?".into(),
+        ..palpate_schemas::CreateObject::default()
+    };
     let client = palpate_client::Client::new(&url).unwrap();
     let mug = client.create_object(&object).await.unwrap();
     let file = at("monday.snapshot");

@@ -18,7 +18,7 @@ use anyhow::Context as _;
 use clap::Args;
 use palpate_client::Client;
 use palpate_client::schemas::{
-    CatalogueVersion, CreateObject, CreateSession, JobState, MeshFormat, MeshUnit, PageQuery,
+    CatalogueVersion, CreateObject, CreateSession, JobState, LabelledQuery, MeshFormat, MeshUnit,
     ProblemType, SensorPreset, StartTraining,
 };
 use palpate_core::symmetry::Symmetry;
@@ -152,6 +152,7 @@ async fn add_objects(client: &Client, output: Output) -> anyhow::Result<()> {
         let new = CreateObject {
             name: name.to_owned(),
             description: "an example that comes with Palpate".to_owned(),
+            ..CreateObject::default()
         };
         match client.create_object(&new).await {
             Ok(_) => {}
@@ -199,7 +200,7 @@ async fn train_objects(
 }
 
 async fn current_version(client: &Client) -> anyhow::Result<Option<CatalogueVersion>> {
-    let page = client.catalogues(&PageQuery::default()).await?;
+    let page = client.catalogues(&LabelledQuery::default()).await?;
     let catalogue = page.items.into_iter().find(|catalogue| catalogue.name == CATALOGUE);
     let Some(current) = catalogue.and_then(|catalogue| catalogue.current) else {
         return Ok(None);

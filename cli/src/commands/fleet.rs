@@ -92,7 +92,7 @@ fn words(fleet: &Fleet) -> String {
             let attention = &one.attention;
             [
                 one.session.id.to_string(),
-                one.robots.join(", "),
+                one.session.touched_by.join(", "),
                 one.session.n_readings.to_string(),
                 believed(one),
                 level(attention.level, attention.is_needed).to_owned(),
@@ -107,7 +107,7 @@ fn words(fleet: &Fleet) -> String {
 }
 
 fn believed(one: &FleetSession) -> String {
-    let Some(latest) = &one.latest else { return "–".to_owned() };
+    let Some(latest) = &one.session.latest else { return "–".to_owned() };
     let best = latest.best.as_ref().map(|best| (best.name.as_str(), best.probability));
     let (name, probability) = best
         .filter(|(_, probability)| *probability >= latest.unknown)

@@ -13,6 +13,7 @@ use palpate_core::units::MM;
 use palpate_sim::shapes;
 
 use super::Context;
+use super::labels::{self, LabelArgs, WantedArgs};
 use crate::json_file::read_json;
 use crate::output::{self, Output};
 use crate::robot;
@@ -30,7 +31,9 @@ pub(crate) struct ObjectsArgs {
 #[derive(Debug, Subcommand)]
 enum Action {
     /// List the objects.
-    List,
+    List(WantedArgs),
+    /// Set the labels of an object.
+    Label(LabelArgs),
     /// Show one object.
     Show {
         /// Id or name of the object.
@@ -118,9 +121,14 @@ enum ReadingsAction {
 pub(crate) async fn run(args: ObjectsArgs, context: &Context) -> anyhow::Result<()> {
     let (client, output) = (&context.client, context.output);
     match args.action {
-        Action::List => {
-            let objects = client.all_objects().await?;
+        Action::List(wanted) => {
+            let objects = client.objects_that_fit(wanted.query()).await?;
             output.answer(&objects, |objects| table(objects))
+        }
+        Action::Label(args) => {
+            let object = args.thing.clone();
+            let object = client.set_object_labels(&object, &args.labels()).await?;
+            output.answer(&object, |object| table(std::slice::from_ref(object)))
         }
         Action::Show { object } => {
             let object = client.object(&object).await?;
@@ -129,7 +137,9 @@ pub(crate) async fn run(args: ObjectsArgs, context: &Context) -> anyhow::Result<
         Action::Add { name, mesh, unit, description } => {
             // Detect an unreadable file before the object is created.
             let file = mesh.as_deref().map(robot::read_mesh_file).transpose()?;
-            let created = client.create_object(&CreateObject { name, description }).await;
+            let created = client
+                .create_object(&CreateObject { name, description, ..CreateObject::default() })
+                .await;
             let object = match created {
                 Err(error) if error.kind() == Some(ProblemType::Conflict) && mesh.is_some() => {
                     return Err(anyhow::Error::from(error)).context(
@@ -273,13 +283,14 @@ fn in_mm(metres: f64) -> String {
 
 fn table(objects: &[ObjectInfo]) -> String {
     output::table(
-        ["name", "id", "mesh", "readings", "created"],
+        ["name", "id", "mesh", "readings", "labels", "created"],
         objects.iter().map(|object| {
             [
                 object.name.clone(),
                 object.id.to_string(),
                 object.mesh.as_ref().map_or("no", |_| "yes").to_owned(),
                 object.n_readings.to_string(),
+                labels::words(&object.labels),
                 object.created_at.clone(),
             ]
         }),

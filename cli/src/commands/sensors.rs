@@ -9,10 +9,11 @@ use std::path::PathBuf;
 use anyhow::Context as _;
 use clap::{Args, Subcommand};
 use palpate_client::schemas::{
-    CalibrateSensor, CalibrationQuery, CreateSensor, DescribeSensor, Drawing, PageQuery, Reading,
+    CalibrateSensor, CalibrationQuery, CreateSensor, DescribeSensor, Drawing, Reading,
     ReadingCheck, ReferenceBody, ReferenceBodyName, Sensor, SensorPassport, SensorPreset,
 };
 
+use super::labels::{self, LabelArgs, WantedArgs};
 use super::{Context, calibrate};
 use crate::json_file::read_json;
 use crate::output;
@@ -29,7 +30,9 @@ pub(crate) struct SensorsArgs {
 #[derive(Debug, Subcommand)]
 enum Action {
     /// List the sensors.
-    List,
+    List(WantedArgs),
+    /// Set the labels of a sensor; everything else of it is immutable.
+    Label(LabelArgs),
     /// Show one sensor.
     Show {
         /// Id or name of the sensor.
@@ -129,9 +132,14 @@ enum Action {
 pub(crate) async fn run(args: SensorsArgs, context: &Context) -> anyhow::Result<()> {
     let (client, output) = (&context.client, context.output);
     match args.action {
-        Action::List => {
-            let page = client.sensors(&PageQuery { limit: Some(1000), cursor: None }).await?;
+        Action::List(wanted) => {
+            let page = client.sensors(&wanted.query()).await?;
             output.answer(&page, |page| table(&page.items))
+        }
+        Action::Label(args) => {
+            let sensor = args.thing.clone();
+            let sensor = client.set_sensor_labels(&sensor, &args.labels()).await?;
+            output.answer(&sensor, |sensor| table(std::slice::from_ref(sensor)))
         }
         Action::Show { sensor } => {
             let sensor = client.sensor(&sensor).await?;
@@ -282,7 +290,7 @@ fn taxels(sensor: &Sensor) -> String {
 
 fn table(sensors: &[Sensor]) -> String {
     output::table(
-        ["name", "id", "taxels", "pitch", "covering", "up to", "knowledge"],
+        ["name", "id", "taxels", "pitch", "covering", "up to", "knowledge", "labels"],
         sensors.iter().map(|sensor| {
             let description = &sensor.description;
             [
@@ -293,6 +301,7 @@ fn table(sensors: &[Sensor]) -> String {
                 output::mm(description.covering_thickness),
                 format!("{:.0} kPa", description.saturation / 1e3),
                 sensor.sensor_knowledge.name().to_owned(),
+                labels::words(&sensor.labels),
             ]
         }),
     )

@@ -1,23 +1,28 @@
 //! `palpate sessions`: sessions, their readings and beliefs.
 
+mod export;
 mod feel;
 mod history;
+mod list;
 
+use anyhow::Context as _;
 use clap::{Args, Subcommand};
 use futures::StreamExt;
 use palpate_client::schemas::{
     AxisUnit, Belief, BeliefQuery, CloseSession, ExplainQuery, Marginals, MarginalsQuery, Session,
-    SessionEvent, SessionState, SessionsQuery,
+    SessionEvent,
 };
 use serde::Serialize;
 use uuid::Uuid;
 
 use super::Context;
+use super::labels::LabelArgs;
 use crate::calibrated;
 use crate::exit::Ended;
 use crate::output;
 use crate::symmetry;
 use crate::verdict::{NONE, NONE_OF_THESE, Verdict};
+use list::table;
 
 /// Arguments of `palpate sessions`.
 #[derive(Debug, Args)]
@@ -28,12 +33,18 @@ pub(crate) struct SessionsArgs {
 
 #[derive(Debug, Subcommand)]
 enum Action {
-    /// List the sessions.
-    List {
-        /// Only open sessions.
-        #[arg(long)]
-        open: bool,
-    },
+    /// List the sessions, newest first, and search for some.
+    #[command(after_help = "Examples:\n  palpate sessions list --open\n  palpate sessions list \
+        --object mug --since 2026-03-01T00:00:00Z\n  palpate sessions list --object none \
+        --labels site:oslo,shift:night")]
+    List(list::ListArgs),
+    /// Set the labels of a session.
+    #[command(after_help = "Example:\n  palpate sessions label <session> site=oslo shift=night")]
+    Label(LabelArgs),
+    /// Write a session to a file, to be looked at with other programs.
+    #[command(after_help = "Examples:\n  palpate sessions export <session> > session.json\n  \
+        palpate sessions export <session> --format csv --out session.csv")]
+    Export(export::ExportArgs),
     /// Keep a session open without new readings (a lease).
     Extend {
         /// Id of the session.
@@ -139,11 +150,13 @@ struct Shown {
 pub(crate) async fn run(args: SessionsArgs, context: &Context) -> anyhow::Result<()> {
     let (client, output) = (&context.client, context.output);
     match args.action {
-        Action::List { open } => {
-            let state = open.then_some(SessionState::Open);
-            let query = SessionsQuery { limit: Some(1000), cursor: None, state };
-            output.answer(&client.sessions(&query).await?, |page| table(&page.items))
+        Action::List(args) => list::list(args, context).await,
+        Action::Label(args) => {
+            let id: Uuid = args.thing.parse().context("expected a session's id")?;
+            let session = client.set_session_labels(id, &args.labels()).await?;
+            output.answer(&session, |session| table(std::slice::from_ref(session)))
         }
+        Action::Export(args) => export::export(client, args).await,
         Action::Extend { session, seconds } => {
             let session = client.extend_session(session, seconds).await?;
             output.answer(&session, |session| table(std::slice::from_ref(session)))
@@ -307,24 +320,4 @@ fn marginals_words(marginals: &Marginals) -> String {
     });
     let rows = output::table(["axis", "range", "likeliest bin", "probability"], rows);
     format!("{}, {:.1} %\n\n{rows}", marginals.name, marginals.probability * 100.0)
-}
-
-fn table(sessions: &[Session]) -> String {
-    output::table(
-        ["id", "catalogue", "version", "method", "state", "readings", "frame", "created", "until"],
-        sessions.iter().map(|session| {
-            [
-                session.id.to_string(),
-                session.catalogue.clone(),
-                session.version.to_string(),
-                output::word(&session.method),
-                output::word(&session.state),
-                session.n_readings.to_string(),
-                session.frame_id.clone().unwrap_or_default(),
-                session.created_at.clone(),
-                // Time of its end, or of its expiry.
-                session.closed_at.clone().or(session.expires_at.clone()).unwrap_or_default(),
-            ]
-        }),
-    )
 }

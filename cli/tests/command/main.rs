@@ -4,6 +4,7 @@
 mod fleet;
 mod keys;
 mod load;
+mod sessions;
 mod story;
 mod supervised;
 mod support;

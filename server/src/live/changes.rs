@@ -12,6 +12,7 @@ use palpate_store::journal::{Event, Journal, NewEntry};
 use tracing::Instrument;
 use uuid::Uuid;
 
+use super::outcome::outcome;
 use super::readings::Ready;
 use super::state::State;
 use super::trace::Point;
@@ -25,7 +26,7 @@ use crate::wire::belief::top;
 use crate::wire::count;
 use crate::wire::life::Status;
 use crate::wire::reading::{Incoming, warnings};
-use crate::wire::session::options;
+use crate::wire::session::{options, set_outcome};
 
 /// Result of comparing a request's readings with the journal.
 enum Request {
@@ -130,9 +131,14 @@ impl Live {
         let store = self.tools.store.essential();
         let closed = event(Event::Closed, now);
         store.journal().append(self.session.id, status.length, &[closed]).await?;
+        let outcome = outcome(&self.tools, self.session.id, status.length)?;
+        let is_known = outcome.latest.is_some() || status.n_readings == 0;
         let table = store.sessions();
         let noted = table.update(self.session.id, |session| {
             session.closed_at_ms = Some(now);
+            if is_known {
+                set_outcome(session, &outcome);
+            }
             Ok::<(), LiveError>(())
         });
         noted.await??;

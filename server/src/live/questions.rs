@@ -113,6 +113,14 @@ impl Live {
         self.ask(&mut state, folding, place, length, answer(POSES)).await
     }
 
+    /// The belief after the session's end in short, which nothing waits for.
+    pub(crate) async fn last_point(&self, place: Place) -> Result<Point, LiveError> {
+        let length = self.length()?;
+        let answer = self.concluded(place).await?;
+        let at_ms = self.status(now_ms())?.changed_at_ms;
+        Ok(Point::of(&self.shown(length, &answer), at_ms))
+    }
+
     /// Forms the newest beliefs of the trace that are not known: of a session without a trace all
     /// that it keeps, else the present one.
     pub(crate) async fn recall(&self) -> Result<(), LiveError> {

@@ -209,9 +209,18 @@ mod tests {
         let id = Uuid::from_u128(2);
         let (name, preset) = ("finger".to_owned(), None);
         let (knowledge, ranges) = (SensorKnowledge::DataSheet, StatedRanges::default());
-        let (used, created_at_ms) = (false, 0);
-        let sensor =
-            Sensor { id, name, preset, description, knowledge, ranges, used, created_at_ms };
+        let (labels, used, created_at_ms) = (palpate_store::entity::Labels::new(), false, 0);
+        let sensor = Sensor {
+            id,
+            name,
+            preset,
+            description,
+            knowledge,
+            ranges,
+            labels,
+            used,
+            created_at_ms,
+        };
         store.sensors().create(&sensor).await.unwrap();
         let sensors = Arc::new(KnownSensors::new(store.clone()));
         let source = sensors.source(Arc::new(sensor)).unwrap();

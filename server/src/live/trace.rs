@@ -82,6 +82,11 @@ impl Traces {
         self.0.get(&session).map(|trace| trace.iter().cloned().collect()).unwrap_or_default()
     }
 
+    /// The newest belief in a session's trace.
+    pub(crate) fn newest(&self, session: Uuid) -> Option<Point> {
+        self.0.get(&session).and_then(|trace| trace.back().cloned())
+    }
+
     /// The newest revision in a session's trace; 0 without one.
     pub(crate) fn revision(&self, session: Uuid) -> u32 {
         self.0.get(&session).and_then(|trace| trace.back().map(|it| it.revision)).unwrap_or(0)

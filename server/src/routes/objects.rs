@@ -2,28 +2,28 @@
 
 use axum::Json;
 use axum::extract::State;
-use axum::http::StatusCode;
-use axum::response::Response;
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse, Response};
 use palpate_schemas::{
-    AddTrainingReadings, CreateObject, MeshQuery, MeshReport, ObjectInfo, ObjectPage, PageQuery,
-    StoredReadingPage, TrainingReadingsAdded, UpdateObject,
+    AddTrainingReadings, CreateObject, LabelledQuery, MeshQuery, MeshReport, ObjectInfo,
+    ObjectPage, PageQuery, StoredReadingPage, TrainingReadingsAdded, UpdateObject,
 };
 
 use crate::app::App;
 use crate::extract::{JsonBody, MeshBody, Params, ReadingsBody, Segments};
 use crate::refusal::Refusal;
 use crate::routes::blocks;
-use crate::routes::documented::{Conflict, Deleted, MeshFile};
+use crate::routes::documented::{Conflict, Deleted, MeshFile, Unchanged};
 
 /// List the objects
 #[utoipa::path(get, path = "/v1/objects", operation_id = "list_objects", tag = "objects",
-    params(PageQuery),
+    params(LabelledQuery),
     responses((status = 200, description = "A page of objects, oldest first", body = ObjectPage)))]
 pub(crate) async fn list_objects(
     State(app): State<App>,
-    Params(query): Params<PageQuery>,
+    Params(query): Params<LabelledQuery>,
 ) -> Result<Json<ObjectPage>, Refusal> {
-    Ok(Json(app.apart(move |app| app.objects.list(&query)).await?))
+    Ok(Json(app.apart(move |app| app.objects.list(query)).await?))
 }
 
 /// Create an object
@@ -94,6 +94,31 @@ pub(crate) async fn get_mesh(
 ) -> Result<Response, Refusal> {
     let (format, file) = app.objects.mesh(&object).await?;
     Ok(blocks::answer(format.media_type(), file, &app.pool))
+}
+
+/// Get a small picture of an object
+///
+/// A picture of 256 × 256 pixels of the object's mesh on a transparent ground, made when the mesh
+/// was uploaded. 404 if the object has no mesh.
+#[utoipa::path(get, path = "/v1/objects/{object}/thumbnail.png", operation_id = "get_thumbnail",
+    tag = "objects",
+    params(("object" = String, Path, description = "The object's id or name")),
+    responses((status = 200, description = "The picture", body = MeshFile,
+            content_type = "image/png",
+            headers(("etag" = String, description = "The mesh's tag"))),
+        Unchanged))]
+pub(crate) async fn get_thumbnail(
+    State(app): State<App>,
+    Segments(object): Segments,
+    headers: HeaderMap,
+) -> Result<Response, Refusal> {
+    let (tag, png) = app.objects.thumbnail(&object).await?;
+    let is_known = headers.get(header::IF_NONE_MATCH).is_some_and(|known| *known == *tag);
+    let etag = [(header::ETAG, tag)];
+    if is_known {
+        return Ok((StatusCode::NOT_MODIFIED, etag).into_response());
+    }
+    Ok((etag, [(header::CONTENT_TYPE, "image/png")], png).into_response())
 }
 
 /// Upload an object's mesh

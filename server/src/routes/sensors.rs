@@ -5,7 +5,7 @@ use axum::extract::State;
 use axum::http::StatusCode;
 use axum::response::Response;
 use palpate_schemas::{
-    CalibrateSensor, CalibrationQuery, CreateSensor, PageQuery, Reading, ReadingCheck, Sensor,
+    CalibrateSensor, CalibrationQuery, CreateSensor, LabelledQuery, Reading, ReadingCheck, Sensor,
     SensorCalibration, SensorPage,
 };
 
@@ -16,13 +16,13 @@ use crate::routes::documented::{Conflict, Deleted};
 
 /// List the sensors
 #[utoipa::path(get, path = "/v1/sensors", operation_id = "list_sensors", tag = "sensors",
-    params(PageQuery),
+    params(LabelledQuery),
     responses((status = 200, description = "A page of sensors, oldest first", body = SensorPage)))]
 pub(crate) async fn list_sensors(
     State(app): State<App>,
-    Params(query): Params<PageQuery>,
+    Params(query): Params<LabelledQuery>,
 ) -> Result<Json<SensorPage>, Refusal> {
-    Ok(Json(app.apart(move |app| app.sensors.list(&query)).await?))
+    Ok(Json(app.apart(move |app| app.sensors.list(query)).await?))
 }
 
 /// Create a sensor

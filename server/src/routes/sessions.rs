@@ -17,15 +17,17 @@ use crate::refusal::Refusal;
 use crate::routes::documented::{Conflict, Deleted, Ended, Unchanged};
 
 /// List the sessions
+///
+/// Lists open and ended sessions, as the parameters ask, in the order of their creation.
 #[utoipa::path(get, path = "/v1/sessions", operation_id = "list_sessions", tag = "sessions",
     params(SessionsQuery),
-    responses((status = 200, description = "A page of sessions, oldest first",
+    responses((status = 200, description = "A page of sessions",
         body = SessionPage)))]
 pub(crate) async fn list_sessions(
     State(app): State<App>,
     Params(query): Params<SessionsQuery>,
 ) -> Result<Json<SessionPage>, Refusal> {
-    Ok(Json(app.apart(move |app| app.sessions.list(&query)).await?))
+    Ok(Json(app.apart(move |app| app.sessions.list(query)).await?))
 }
 
 /// Create a session

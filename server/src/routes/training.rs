@@ -6,8 +6,8 @@ use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use palpate_schemas::{
     AppearanceReport, Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage,
-    CurrentVersion, Job, ObjectMap, PageQuery, Problem, RecalibrateCatalogue, SetCurrent,
-    StartTraining, TrainingReport,
+    CurrentVersion, Job, LabelledQuery, ObjectMap, PageQuery, Problem, RecalibrateCatalogue,
+    SetCurrent, ShadowVersion, StartTraining, TrainingReport,
 };
 
 use crate::app::App;
@@ -19,14 +19,14 @@ use crate::wire;
 
 /// List the catalogues
 #[utoipa::path(get, path = "/v1/catalogues", operation_id = "list_catalogues", tag = "training",
-    params(PageQuery),
+    params(LabelledQuery),
     responses((status = 200, description = "A page of catalogues, oldest first",
         body = CataloguePage)))]
 pub(crate) async fn list_catalogues(
     State(app): State<App>,
-    Params(query): Params<PageQuery>,
+    Params(query): Params<LabelledQuery>,
 ) -> Result<Json<CataloguePage>, Refusal> {
-    Ok(Json(app.apart(move |app| app.catalogues.list(&query)).await?))
+    Ok(Json(app.apart(move |app| app.catalogues.list(query)).await?))
 }
 
 /// Get a catalogue
@@ -75,6 +75,25 @@ pub(crate) async fn recalibrate_catalogue(
     JsonBody(request): JsonBody<RecalibrateCatalogue>,
 ) -> Result<Response, Refusal> {
     Ok(accepted(app.jobs.start_recalibration(&name, request).await?))
+}
+
+/// Compare a version with the current one
+///
+/// Replays ended sessions by the version and by another one, the current one by default, before it
+/// becomes current: what each would have answered, after how many touches, in which time, and which
+/// sessions would have ended otherwise. Returns a job at once; its `shadow_report` is the result.
+/// Nothing else changes.
+#[utoipa::path(post, path = "/v1/catalogues/{name}/versions/{version}/shadow",
+    operation_id = "shadow_version", tag = "training", request_body = ShadowVersion,
+    params(("name" = String, Path, description = "The catalogue's name"),
+        ("version" = u32, Path, description = "The version to try")),
+    responses((status = 202, description = "The job that compares them", body = Job), Conflict))]
+pub(crate) async fn shadow_version(
+    State(app): State<App>,
+    Segments((name, version)): Segments<(String, String)>,
+    JsonBody(request): JsonBody<ShadowVersion>,
+) -> Result<Response, Refusal> {
+    Ok(accepted(app.jobs.start_shadow(&name, &version, request).await?))
 }
 
 /// The answer to a request that began a job.

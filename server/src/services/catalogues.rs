@@ -3,6 +3,7 @@
 //! The parts of a version are read from the store on demand (`loading`) and kept within a
 //! memory budget (`memory`).
 
+mod aliases;
 mod loading;
 mod maps;
 mod memory;
@@ -26,7 +27,7 @@ use crate::compute::Pool;
 use crate::limits::megabytes;
 use crate::model::{Model, NoPart};
 use crate::wire::training::Unreadable;
-use crate::wire::{appearance, cursor, page_id, page_length, page_number, training};
+use crate::wire::{appearance, cursor, labels, page_id, page_length, page_number, training};
 use loading::Key;
 use memory::Memory;
 
@@ -154,8 +155,11 @@ impl Catalogues {
         }
     }
 
-    pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::CataloguePage, Cause> {
-        let page = self.table.list(page_id(query)?, page_length(query)?)?;
+    pub(crate) fn list(&self, query: wire::LabelledQuery) -> Result<wire::CataloguePage, Cause> {
+        let (page, wanted) = labels::page_and_wanted(query)?;
+        let (after, limit) = (page_id(&page)?, page_length(&page)?);
+        let fits = |catalogue: &Catalogue| wanted.fits(&catalogue.labels);
+        let page = self.table.list_fitting(after, limit, fits)?;
         let items = page.items.iter().map(training::catalogue).collect();
         Ok(wire::CataloguePage { items, next_cursor: cursor(page.next) })
     }
@@ -327,14 +331,29 @@ impl Catalogues {
         Ok(made.map(|manifest| manifest.version))
     }
 
-    /// The version for a new session: the requested or the current one.
-    pub(crate) fn pin(&self, name: &str, version: Option<u32>) -> Result<Pinned, CatalogueError> {
+    /// The version for a new session: that of the requested number or alias, or the current one.
+    pub(crate) fn pin(
+        &self,
+        name: &str,
+        version: Option<u32>,
+        alias: Option<&str>,
+    ) -> Result<Pinned, CatalogueError> {
         let catalogue = self.table.find_by_name(name)?.ok_or_else(|| unknown_catalogue(name))?;
-        let manifest = match version {
-            Some(version) => self
+        let manifest = match (version, alias) {
+            (Some(_), Some(_)) => {
+                let detail = "came with `version`, expected one of the two";
+                return Err(Cause::field("/alias", detail).into());
+            }
+            (Some(version), None) => self
                 .manifest(&catalogue, version)
                 .map_err(|error| Cause::field("/version", error))?,
-            None => {
+            (None, Some(alias)) => {
+                let named = catalogue.aliases.get(alias).copied();
+                let detail = || format!("catalogue {name:?} has no alias {alias:?}");
+                let version = named.ok_or_else(|| Cause::field("/alias", detail()))?;
+                self.manifest(&catalogue, version)?
+            }
+            (None, None) => {
                 let current = catalogue.current;
                 let untrained = || CatalogueError::Untrained { catalogue: name.to_owned() };
                 self.manifest(&catalogue, current.ok_or_else(untrained)?)?

@@ -11,6 +11,7 @@ mod ending;
 pub(crate) mod error;
 mod plan;
 mod recalibration;
+mod shadow;
 mod work;
 
 use std::sync::Arc;
@@ -148,6 +149,7 @@ impl Jobs {
             cancel_requested: false,
             version: None,
             error: None,
+            report: None,
             created_at_ms: now_ms(),
             started_at_ms: None,
             finished_at_ms: None,
@@ -311,8 +313,12 @@ impl Jobs {
         // Records of a training count towards the key that requested it.
         let client = self.store.job_writer(id).ok().flatten().filter(|key| !key.is_nil());
         let trained = asker::ask(client.map(Client::Key), self.work_on(&job, &control)).await;
+        let mut report = None;
         let (state, version, reason) = match trained {
-            Ok(version) => (JobState::Succeeded, Some(version), None),
+            Ok(done) => {
+                report = done.report;
+                (JobState::Succeeded, Some(done.version), None)
+            }
             Err(TrainingFailure::Stopped) if control.is_ordered(SUSPEND) => {
                 return tracing::info!(job.id = %id, "Suspended job {id}: the server stops");
             }
@@ -320,7 +326,7 @@ impl Jobs {
                 let within = self.within.as_secs();
                 let reason = format!(
                     "it took longer than {within} s, which is what a job may take: train fewer \
-                     objects or readings, recalibrate by fewer sessions, or start the server with \
+                     objects or readings, replay fewer sessions, or start the server with \
                      `--training-max-s`"
                 );
                 (JobState::Failed, None, Some(reason))
@@ -330,7 +336,7 @@ impl Jobs {
             }
             Err(failure) => (JobState::Failed, None, Some(failure.to_string())),
         };
-        let ending = Ending { id, state, version, reason, at_ms: now_ms() };
+        let ending = Ending { id, state, version, reason, report, at_ms: now_ms() };
         self.end(ending, &stopping).await;
     }
 

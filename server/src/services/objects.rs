@@ -3,11 +3,12 @@
 //! Meshes and readings are stored as received; derived data is in catalogues. A catalogue's
 //! version keeps the model of an object that is deleted later.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use bytes::Bytes;
 use palpate_schemas as wire;
-use palpate_sim::mesh::{Mesh, MeshFormat};
+use palpate_sim::mesh::{Mesh, MeshError, MeshFormat};
 use palpate_store::database::Database;
 use palpate_store::entity::{Object, StoredReading};
 use palpate_store::error::StoreError;
@@ -23,6 +24,8 @@ use crate::compute::Pool;
 use crate::config::Config;
 use crate::services::keys::Keys;
 use crate::services::sensors::Sensors;
+use crate::services::thumbnails::Thumbnails;
+use crate::wire::labels;
 use crate::wire::object::{
     FormatError, mesh_report, read_format, stored_format, stored_unit, unit_metres,
 };
@@ -40,6 +43,7 @@ pub(crate) struct Objects {
     sensors: Arc<Sensors>,
     pool: Pool,
     readings_max: usize,
+    thumbnails: Arc<Thumbnails>,
 }
 
 /// Error of an object's change.
@@ -61,7 +65,8 @@ impl<E: Into<Cause>> From<E> for ObjectError {
 
 impl Objects {
     pub(crate) fn new(store: Database, sensors: Arc<Sensors>, pool: Pool, config: &Config) -> Self {
-        Self { store, sensors, pool, readings_max: config.object_readings_max }
+        let thumbnails = Arc::new(Thumbnails::new(config.data.join("thumbnails")));
+        Self { store, sensors, pool, readings_max: config.object_readings_max, thumbnails }
     }
 
     /// The object with an id or a name.
@@ -81,8 +86,11 @@ impl Objects {
         Ok(convert::object::object(object, mesh.as_ref(), n_readings))
     }
 
-    pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::ObjectPage, Cause> {
-        let page = self.store.objects().list_whole(page_id(query)?, page_length(query)?)?;
+    pub(crate) fn list(&self, query: wire::LabelledQuery) -> Result<wire::ObjectPage, Cause> {
+        let (page, wanted) = labels::page_and_wanted(query)?;
+        let (after, limit) = (page_id(&page)?, page_length(&page)?);
+        let fits = |object: &Object| wanted.fits(&object.labels);
+        let page = self.store.objects().list_fitting(after, limit, fits)?;
         let items: Result<_, _> = page.items.iter().map(|object| self.show(object)).collect();
         Ok(wire::ObjectPage { items: items?, next_cursor: cursor(page.next) })
     }
@@ -90,11 +98,13 @@ impl Objects {
     pub(crate) async fn create(&self, request: wire::CreateObject) -> Result<Object, Cause> {
         convert::name(&request.name)?;
         convert::text("/description", &request.description, DESCRIPTION_MAX)?;
+        labels::checked(&request.labels)?;
         let now = now_ms();
         let object = Object {
             id: Uuid::now_v7(),
             name: request.name,
             description: request.description,
+            labels: request.labels,
             revision: 1,
             created_at_ms: now,
             updated_at_ms: now,
@@ -125,6 +135,24 @@ impl Objects {
         Ok(updated.await??)
     }
 
+    /// Replaces an object's labels.
+    pub(crate) async fn label(
+        &self,
+        reference: &str,
+        request: wire::SetLabels,
+    ) -> Result<Object, Cause> {
+        let object = self.find(reference)?;
+        labels::checked(&request.labels)?;
+        let table = self.store.objects();
+        let updated = table.update(object.id, |now| {
+            now.labels = request.labels.clone();
+            now.revision += 1;
+            now.updated_at_ms = now_ms();
+            Ok::<(), StoreError>(())
+        });
+        Ok(updated.await??)
+    }
+
     /// Deletes an object with its mesh and readings, unless a training needs them.
     pub(crate) async fn delete(&self, reference: &str) -> Result<(), ObjectError> {
         let object = self.find(reference)?;
@@ -133,7 +161,11 @@ impl Objects {
                 return Err(ObjectError::InTraining { object: object.name, job: job.id });
             }
         }
+        let mesh = self.store.meshes().info(object.id)?;
         self.store.essential().remove_object(object.id).await?;
+        if let Some(mesh) = mesh {
+            self.thumbnails.remove(mesh.upload);
+        }
         tracing::info!(object.id = %object.id, "Deleted object {:?}", object.name);
         Ok(())
     }
@@ -150,12 +182,21 @@ impl Objects {
         let format = convert::object::mesh_format(content_type, query.format)?;
         let unit = stored_unit(query.unit);
         let bytes = file.clone();
-        let read = move || Mesh::from_bytes(format, &bytes, unit_metres(unit));
+        let (upload, thumbnails) = (Uuid::now_v7(), Arc::clone(&self.thumbnails));
+        let read = move || {
+            let mesh = Mesh::from_bytes(format, &bytes, unit_metres(unit))?;
+            thumbnails.make(upload, &mesh);
+            Ok::<_, MeshError>(mesh)
+        };
         let mesh = self.pool.place()?.run_long(read).await?;
         let mesh = mesh.map_err(|error| Cause::field("", error))?;
         let format = stored_format(format);
-        let info = MeshInfo::new(Uuid::now_v7(), format, unit, &file, now_ms());
+        let info = MeshInfo::new(upload, format, unit, &file, now_ms());
+        let before = self.store.meshes().info(object.id)?;
         self.store.meshes().put(object.id, &info, &file).await?;
+        if let Some(before) = before {
+            self.thumbnails.remove(before.upload);
+        }
         let n_triangles = mesh.triangles().len();
         tracing::info!(object.id = %object.id, n_triangles, "Stored a mesh of {:?}", object.name);
         Ok(mesh_report(&info, &mesh))
@@ -168,6 +209,46 @@ impl Objects {
         let found = self.pool.place()?.run_long(move || meshes.open(object.id)).await??;
         let reader = found.ok_or_else(|| Cause::unknown("mesh of object", object.name))?;
         Ok((read_format(reader.info().format), reader))
+    }
+
+    /// A small picture of an object's mesh, and the tag of the mesh; made again if it is missing.
+    pub(crate) async fn thumbnail(&self, reference: &str) -> Result<(String, Vec<u8>), Cause> {
+        let object = self.find(reference)?;
+        let (meshes, thumbnails) = (self.store.meshes(), Arc::clone(&self.thumbnails));
+        let find = move || -> Result<Option<(Uuid, Vec<u8>)>, Cause> {
+            let Some(info) = meshes.info(object.id)? else { return Ok(None) };
+            if let Some(png) = thumbnails.find(info.upload) {
+                return Ok(Some((info.upload, png)));
+            }
+            let Some((info, file)) = meshes.get(object.id)? else { return Ok(None) };
+            let mesh = Mesh::from_bytes(read_format(info.format), &file, unit_metres(info.unit));
+            let mesh = mesh.map_err(|error| Cause::Unusable {
+                what: "mesh of object",
+                id: object.name.clone(),
+                reason: error.to_string(),
+            })?;
+            Ok(Some((info.upload, thumbnails.make(info.upload, &mesh))))
+        };
+        let found = self.pool.place()?.run_long(find).await??;
+        let (upload, png) = found.ok_or_else(|| Cause::unknown("mesh of object", reference))?;
+        Ok((format!("\"{upload}\""), png))
+    }
+
+    /// Removes pictures of meshes that are no object's any more. Blocks.
+    pub(crate) fn tidy_thumbnails(&self) {
+        match self.uploads() {
+            Ok(uploads) => self.thumbnails.tidy(|upload| uploads.contains(&upload)),
+            Err(error) => tracing::warn!("Cannot look which pictures are needed: {error}"),
+        }
+    }
+
+    /// The uploads of all objects' meshes.
+    fn uploads(&self) -> Result<BTreeSet<Uuid>, StoreError> {
+        let mut uploads = BTreeSet::new();
+        for object in self.store.objects().all()? {
+            uploads.extend(self.store.meshes().info(object.id)?.map(|info| info.upload));
+        }
+        Ok(uploads)
     }
 
     /// Stores training readings: all or none, without repetitions.

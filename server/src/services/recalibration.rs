@@ -27,8 +27,7 @@ use crate::live::PastReadings;
 use crate::model::{Model, NoPart};
 use crate::wire::recalibration::{Used, report};
 use crate::wire::session::{options, surface_options};
-use choice::Truths;
-pub(crate) use choice::choose;
+pub(crate) use choice::{Truths, choose};
 
 /// Error of a recalibration.
 #[derive(Debug, Error)]

@@ -1,5 +1,5 @@
-//! The sensors of readings. They are immutable and are cached from their first use until
-//! their removal.
+//! The sensors of readings. They are immutable but for their labels, and are cached from their first
+//! use until their labels change or they are removed.
 
 mod removal;
 
@@ -19,7 +19,7 @@ use crate::known_sensors::KnownSensors;
 use crate::services::calibrations::Calibrations;
 use crate::services::sensor_health::SensorHealth;
 use crate::wire::reading::Source;
-use crate::wire::{cursor, page_id, page_length, reading, sensor};
+use crate::wire::{cursor, labels, page_id, page_length, reading, sensor};
 
 /// All sensors.
 pub(crate) struct Sensors {
@@ -64,6 +64,7 @@ impl Sensors {
                 description,
                 knowledge,
                 ranges,
+                labels: wire::Labels::new(),
                 used: false,
                 created_at_ms: now_ms(),
             };
@@ -130,8 +131,29 @@ impl Sensors {
         Ok(sensor::check(press, pose, description, applied.as_ref()))
     }
 
-    pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::SensorPage, Cause> {
-        let page = self.store.sensors().list_whole(page_id(query)?, page_length(query)?)?;
+    /// Replaces a sensor's labels.
+    pub(crate) async fn label(
+        &self,
+        reference: &str,
+        request: wire::SetLabels,
+    ) -> Result<Sensor, Cause> {
+        let id = self.get(reference)?.id;
+        labels::checked(&request.labels)?;
+        let table = self.store.sensors();
+        let updated = table.update(id, |now| {
+            now.labels = request.labels.clone();
+            Ok::<(), StoreError>(())
+        });
+        let sensor = updated.await??;
+        self.known.forget(id);
+        Ok(sensor)
+    }
+
+    pub(crate) fn list(&self, query: wire::LabelledQuery) -> Result<wire::SensorPage, Cause> {
+        let (page, wanted) = labels::page_and_wanted(query)?;
+        let (after, limit) = (page_id(&page)?, page_length(&page)?);
+        let fits = |sensor: &Sensor| wanted.fits(&sensor.labels);
+        let page = self.store.sensors().list_fitting(after, limit, fits)?;
         let items: Result<_, _> = page.items.iter().map(|sensor| self.show(sensor)).collect();
         Ok(wire::SensorPage { items: items?, next_cursor: cursor(page.next) })
     }

@@ -10,10 +10,13 @@ mod attention;
 mod fits;
 mod fleet;
 mod health;
+mod ids;
 mod life;
 mod listing;
 mod open;
+mod outcome;
 mod questions;
+mod search;
 mod watch;
 
 use std::sync::Arc;
@@ -38,6 +41,7 @@ use crate::clock::now_ms;
 use crate::compute::Pool;
 use crate::config::Config;
 use crate::live::checkpoints::Checkpoints;
+use crate::live::outcome::touched_by;
 use crate::live::trace::Traces;
 use crate::live::{Live, LiveError, Tools, Total, status};
 use crate::model::Model;
@@ -46,7 +50,9 @@ use crate::services::keys::Keys;
 use crate::services::keys::error::KeyError;
 use crate::services::sensors::Sensors;
 use crate::wire::life::{OtherTruth, Status};
+use crate::wire::session::Outcome;
 use crate::wire::{self as convert};
+use ids::Ids;
 use open::Open;
 
 /// All sessions.
@@ -57,6 +63,7 @@ pub(crate) struct Sessions {
     keys: Arc<Keys>,
     live: DashMap<Uuid, Arc<Live>>,
     uses: AtomicU64,
+    ids: Ids,
     open: Open,
     live_max: usize,
     /// Used and permitted memory of beliefs.
@@ -93,6 +100,7 @@ impl Sessions {
             keys,
             live: DashMap::new(),
             uses: AtomicU64::new(0),
+            ids: Ids::default(),
             open: Open::new(config.sessions_open_max),
             live_max: config.beliefs_in_memory_max.max(1),
             beliefs: Total::default(),
@@ -223,7 +231,16 @@ impl Sessions {
 
     fn show_as(&self, session: &Session, status: Status) -> Result<wire::Session, StoreError> {
         let catalogue = self.catalogues.name(session.catalogue)?;
-        Ok(convert::session::session(session, &catalogue, status, |key| self.keys.writer(key)))
+        let (id, kept) = (session.id, convert::session::options(session).outcome);
+        let outcome = match kept.filter(|_| status.end.is_some()) {
+            Some(kept) => kept,
+            None => Outcome {
+                latest: self.tools.traces.newest(id).map(|point| point.shown()),
+                touched_by: touched_by(&self.tools.store, id, status.length)?,
+            },
+        };
+        let writer = |key| self.keys.writer(key);
+        Ok(convert::session::session(session, &catalogue, status, outcome, writer))
     }
 
     /// The session's entry in memory, created from the store if necessary.

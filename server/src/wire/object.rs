@@ -20,6 +20,7 @@ pub(crate) fn object(
         id: object.id,
         name: object.name.clone(),
         description: object.description.clone(),
+        labels: object.labels.clone(),
         mesh: mesh.map(mesh_info),
         n_readings: count(n_readings),
         created_at: time(object.created_at_ms),

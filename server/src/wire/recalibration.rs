@@ -4,7 +4,7 @@ use palpate_recogniser::belief::recalibrate::Recalibration;
 use palpate_recogniser::belief::{Quality, Stops};
 use palpate_recogniser::model::{CalibrationBasis, EvidenceCalibration, EvidenceStage};
 use palpate_schemas as wire;
-use palpate_schemas::{RecalibrateCatalogue, StartTraining};
+use palpate_schemas::{RecalibrateCatalogue, ShadowVersion, StartTraining};
 use serde::{Deserialize, Serialize};
 
 use super::count;
@@ -18,16 +18,27 @@ pub(crate) enum JobRequest {
         /// The request.
         recalibration: RecalibrateCatalogue,
     },
+    /// A comparison, with its sessions.
+    Shadow {
+        /// The version that is tried.
+        version: u32,
+        /// The request.
+        shadow: ShadowVersion,
+    },
     /// A training, with its defaults.
     Training(Box<StartTraining>),
 }
 
 impl JobRequest {
-    /// The version of the job's catalogue that it needs, if any.
-    pub(crate) fn needs(&self) -> Option<u32> {
+    /// Whether it needs a version of the job's catalogue.
+    pub(crate) fn needs(&self, version: u32) -> bool {
+        let wanted = Some(version);
         match self {
-            Self::Recalibration { recalibration } => recalibration.version,
-            Self::Training(training) => training.extend,
+            Self::Recalibration { recalibration } => recalibration.version == wanted,
+            Self::Shadow { version, shadow } => {
+                Some(*version) == wanted || shadow.against == wanted
+            }
+            Self::Training(training) => training.extend == wanted,
         }
     }
 }
@@ -120,9 +131,14 @@ mod tests {
         assert_eq!(stored, r#"{"recalibration":{"version":4}}"#);
         let read = |text: &str| serde_json::from_str::<JobRequest>(text).unwrap();
         assert!(matches!(read(&stored), JobRequest::Recalibration { .. }));
-        assert_eq!(read(&stored).needs(), Some(4));
+        assert!(read(&stored).needs(4) && !read(&stored).needs(3));
+        let shadow = ShadowVersion { against: Some(3), ..Default::default() };
+        let stored = serde_json::to_string(&JobRequest::Shadow { version: 4, shadow }).unwrap();
+        assert_eq!(stored, r#"{"version":4,"shadow":{"against":3}}"#);
+        assert!(matches!(read(&stored), JobRequest::Shadow { .. }));
+        assert!(read(&stored).needs(4) && read(&stored).needs(3) && !read(&stored).needs(2));
         let training = read(r#"{"seed":1,"extend":2}"#);
         assert!(matches!(training, JobRequest::Training(_)));
-        assert_eq!(training.needs(), Some(2));
+        assert!(training.needs(2) && !training.needs(1));
     }
 }

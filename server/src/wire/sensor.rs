@@ -24,6 +24,7 @@ pub(crate) fn sensor(sensor: &Sensor, applied: Option<&Applied>) -> wire::Sensor
         id: sensor.id,
         name: sensor.name.clone(),
         preset: sensor.preset.clone(),
+        labels: sensor.labels.clone(),
         description: description(sensor),
         layout: layout::layout(&sensor.description),
         sensor_knowledge: coupling::knowledge(sensor.knowledge),
@@ -67,8 +68,9 @@ pub(crate) fn new_sensor(
         return Err(Invalid::field("/description/ranges", detail));
     }
     let (name, preset) = (request.name.clone(), request.preset.map(|p| p.name().to_owned()));
-    let used = false;
-    Ok(Sensor { id, name, preset, description, knowledge, ranges, used, created_at_ms })
+    super::labels::checked(&request.labels)?;
+    let (labels, used) = (request.labels.clone(), false);
+    Ok(Sensor { id, name, preset, description, knowledge, ranges, labels, used, created_at_ms })
 }
 
 fn description(sensor: &Sensor) -> wire::SensorDescription {

@@ -66,6 +66,22 @@ pub(crate) struct Options {
     /// The true object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) truth: Option<wire::Truth>,
+    #[serde(default, skip_serializing_if = "wire::Labels::is_empty")]
+    pub(crate) labels: wire::Labels,
+    /// Of an ended session.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) outcome: Option<Outcome>,
+}
+
+/// What a session came to, in short.
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
+pub(crate) struct Outcome {
+    /// The newest belief.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) latest: Option<wire::TracePoint>,
+    /// The robots of its newest readings.
+    #[serde(default)]
+    pub(crate) touched_by: Vec<String>,
 }
 
 /// Defaults and limits of the server.
@@ -82,6 +98,7 @@ pub(crate) fn session(
     session: &Session,
     catalogue: &str,
     status: Status,
+    outcome: Outcome,
     writer: impl Fn(Uuid) -> wire::Writer,
 ) -> wire::Session {
     let is_open = status.end.is_none();
@@ -117,7 +134,22 @@ pub(crate) fn session(
             EndReason::Expired => SessionEnd::Expired,
         }),
         truth: options.truth,
+        latest: outcome.latest,
+        touched_by: outcome.touched_by,
+        labels: options.labels,
     }
+}
+
+/// Replaces a session's labels.
+pub(crate) fn set_labels(session: &mut Session, labels: &wire::Labels) {
+    let labels = labels.clone();
+    session.options = written(&Options { labels, ..options(session) });
+}
+
+/// Records what an ended session came to.
+pub(crate) fn set_outcome(session: &mut Session, outcome: &Outcome) {
+    let outcome = Some(outcome.clone());
+    session.options = written(&Options { outcome, ..options(session) });
 }
 
 pub(crate) fn written(options: &Options) -> String {
@@ -164,7 +196,9 @@ pub(crate) fn new_session(
         None => limits.time_to_live,
     };
     let opened_by = limits.opened_by;
-    let options = Options { opened_by, ..checked_options(request, method, model)? };
+    super::labels::checked(&request.labels)?;
+    let labels = request.labels.clone();
+    let options = Options { opened_by, labels, ..checked_options(request, method, model)? };
     let (method, is_geometric) = (options.method, options.method.is_geometric());
     let seed = super::within("/seed", request.seed.unwrap_or(1), 0, INTEGER_MAX)?;
     Ok(Session {

@@ -42,6 +42,8 @@ pub(crate) fn catalogue(catalogue: &Catalogue) -> wire::Catalogue {
         name: catalogue.name.clone(),
         current: history.first().cloned(),
         latest_version: catalogue.latest,
+        aliases: catalogue.aliases.clone(),
+        labels: catalogue.labels.clone(),
         history,
     }
 }
@@ -137,11 +139,13 @@ fn patch((patch, class): (&MapPatch, Option<ClassIdx>)) -> wire::MapPatch {
 /// A stored job in its wire form.
 pub(crate) fn job(job: &stored::Job) -> wire::Job {
     let state = state(job.state);
-    let (training, recalibration) = match serde_json::from_str(&job.request) {
-        Ok(JobRequest::Training(training)) => (*training, None),
-        Ok(JobRequest::Recalibration { recalibration }) => (<_>::default(), Some(recalibration)),
-        Err(_) => (StartTraining::default(), None),
-    };
+    let (mut training, mut recalibration, mut shadow) = (StartTraining::default(), None, None);
+    match serde_json::from_str(&job.request) {
+        Ok(JobRequest::Training(asked)) => training = *asked,
+        Ok(JobRequest::Recalibration { recalibration: asked }) => recalibration = Some(asked),
+        Ok(JobRequest::Shadow { shadow: asked, .. }) => shadow = Some(asked),
+        Err(_) => {}
+    }
     wire::Job {
         id: job.id,
         catalogue: job.catalogue.clone(),
@@ -154,6 +158,8 @@ pub(crate) fn job(job: &stored::Job) -> wire::Job {
         eta_s: None,
         training,
         recalibration,
+        shadow,
+        shadow_report: job.report.as_deref().and_then(|text| serde_json::from_str(text).ok()),
         version: job.version,
         reason: job.error.clone().filter(|_| state.is_final()),
         created_at: time(job.created_at_ms),

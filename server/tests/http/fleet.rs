@@ -41,7 +41,7 @@ async fn formed(it: &Harness, session: &str) -> Value {
     for _ in 0..200 {
         let fleet = it.get("/v1/fleet?trace=true").await.expect(200);
         let one = found(&fleet, session);
-        if one["latest"]["revision"] == one["session"]["revision"] {
+        if one["session"]["latest"]["revision"] == one["session"]["revision"] {
             return one.clone();
         }
         tokio::time::sleep(Duration::from_millis(100)).await;
@@ -63,9 +63,9 @@ async fn open_sessions_are_listed_with_robots_and_last_reading() {
     let untouched = fleet(&it).await;
     assert_eq!(ids(&untouched), [first.as_str(), second.as_str()]);
     assert_eq!(untouched["sessions"][0]["attention"]["level"], "waiting");
-    assert_eq!(untouched["sessions"][0]["latest"], Value::Null);
+    assert_eq!(untouched["sessions"][0]["session"]["latest"], Value::Null);
     assert_eq!(untouched["sessions"][0]["last_reading_at"], Value::Null);
-    assert_eq!(untouched["sessions"][0]["robots"], json!([]));
+    assert_eq!(untouched["sessions"][0]["session"]["touched_by"], json!([]));
 
     let mut readings = touches(BAR, 3, 5, Pose::IDENTITY);
     for (reading, robot) in readings.iter_mut().zip(["left", "right", "left"]) {
@@ -76,7 +76,7 @@ async fn open_sessions_are_listed_with_robots_and_last_reading() {
     it.post(&format!("{path}/readings"), &json!({"readings": readings})).await.expect(200);
     let touched = fleet(&it).await;
     let one = found(&touched, &first);
-    assert_eq!(one["robots"], json!(["left", "right"]));
+    assert_eq!(one["session"]["touched_by"], json!(["left", "right"]));
     assert_eq!(one["session"], it.get(&path).await.expect(200));
     let stored = it.get(&format!("{path}/readings")).await.expect(200);
     assert_eq!(one["last_reading_at"], stored["items"][2]["received_at"]);
@@ -106,7 +106,7 @@ async fn the_fleet_is_bounded_and_states_the_total() {
     let rest = it.get(&format!("/v1/fleet?limit=1&cursor={next}")).await.expect(200);
     assert_eq!((ids(&rest), &rest["next_cursor"]), (vec![sessions[1].as_str()], &Value::Null));
     // A reading without an id names no robot.
-    assert_eq!(one["sessions"][0]["robots"], json!([]));
+    assert_eq!(one["sessions"][0]["session"]["touched_by"], json!([]));
     assert!(one["sessions"][0]["last_reading_at"].is_string());
     it.get("/v1/fleet?limit=0").await.problem(422, "invalid-value", Some("?limit"));
     it.get("/v1/fleet?limit=101").await.problem(422, "invalid-value", Some("?limit"));
@@ -147,7 +147,10 @@ async fn sessions_that_need_attention_come_first_until_handled() {
     let again = formed(&it, &alarmed).await;
     assert_eq!(again["attention"]["is_needed"], false);
     assert_eq!(again["attention"]["level"], "surprising");
-    assert_eq!(again["latest"], before["latest"], "the times of readings are stored");
+    assert_eq!(
+        again["session"]["latest"], before["session"]["latest"],
+        "the times of readings are stored"
+    );
 
     // Closed in bulk.
     let closing = json!({"sessions": [quiet[0], alarmed]});
@@ -188,7 +191,7 @@ async fn beliefs_that_nobody_asked_for_are_judged_and_counted() {
     it.post(&path, &json!({"readings": readings})).await.expect(200);
     let formed = formed(&it, &session).await;
     assert_eq!(formed["attention"]["is_needed"], true, "{formed}");
-    assert_eq!(formed["trace"].as_array().unwrap().last(), Some(&formed["latest"]));
+    assert_eq!(formed["trace"].as_array().unwrap().last(), Some(&formed["session"]["latest"]));
     let counted = || async {
         let metrics = it.get("/metrics").await.text;
         metrics.contains("palpate_sessions_needing_attention 1")

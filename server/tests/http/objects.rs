@@ -149,3 +149,40 @@ async fn training_readings_are_stored_once_and_listed() {
     mixed.problem(422, "invalid-value", Some("/readings/1/frame_id"));
     assert_eq!(it.get("/v1/objects/mug").await.expect(200)["n_readings"], 3);
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_small_picture_follows_its_mesh() {
+    let it = Harness::start().await;
+    it.post("/v1/objects", &json!({"name": "mug"})).await.expect(201);
+    let path = "/v1/objects/mug/thumbnail.png";
+    it.get(path).await.problem(404, "not-found", None);
+    it.put_mesh("mug", &off_box(CUBE)).await.expect(200);
+    let picture = async |it: &Harness| {
+        let answer = it.client.get(it.url(path)).send().await.unwrap();
+        assert_eq!(answer.status(), 200);
+        assert_eq!(answer.headers()["content-type"], "image/png");
+        let tag = answer.headers()["etag"].to_str().unwrap().to_owned();
+        (tag, answer.bytes().await.unwrap())
+    };
+    let (tag, cube) = picture(&it).await;
+    assert!(cube.starts_with(b"\x89PNG") && cube.len() < 20_000, "{} bytes", cube.len());
+    let again = it.client.get(it.url(path)).header("if-none-match", &tag).send().await.unwrap();
+    assert_eq!(again.status(), 304);
+
+    // Made at the upload, made again if it is missing, and gone with its mesh.
+    let folder = it.folder().join("thumbnails");
+    let files = || std::fs::read_dir(&folder).unwrap().map(|file| file.unwrap().path());
+    assert_eq!(files().count(), 1);
+    std::fs::write(files().next().unwrap(), &cube[..100]).unwrap();
+    assert_eq!(picture(&it).await, (tag.clone(), cube.clone()));
+    it.put_mesh("mug", &off_box(BAR)).await.expect(200);
+    let (other_tag, bar) = picture(&it).await;
+    assert!(other_tag != tag && bar != cube);
+    assert_eq!(files().count(), 1);
+    std::fs::write(folder.join("00000000000000000000000000000001"), b"of no mesh").unwrap();
+    let it = it.restart().await;
+    assert_eq!(files().count(), 1);
+    assert_eq!(picture(&it).await, (other_tag, bar));
+    it.send(Method::DELETE, "/v1/objects/mug", None).await.expect(204);
+    assert_eq!(files().count(), 0);
+}

@@ -72,17 +72,38 @@ impl Canvas {
         self.pixels.iter().filter(|pixel| **pixel == color).count()
     }
 
+    /// The picture at half its size, each pixel the mean of four, as a PNG file whose background is
+    /// transparent.
+    pub(super) fn to_small_png(&self) -> Vec<u8> {
+        let (width, height) = (self.width / 2, self.height / 2);
+        let mut pixels = Vec::with_capacity(4 * width * height);
+        for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
+            let four = [0, 1, self.width, self.width + 1].map(|at| 2 * (y * self.width + x) + at);
+            let drawn = four.iter().filter(|at| self.depth[**at] > f64::NEG_INFINITY);
+            let drawn: Vec<[u8; 3]> = drawn.map(|at| self.pixels[*at]).collect();
+            let sum =
+                |channel: usize| drawn.iter().map(|it| usize::from(it[channel])).sum::<usize>();
+            let mean = |channel| (sum(channel) / drawn.len().max(1)) as u8;
+            pixels.extend([mean(0), mean(1), mean(2), (255 * drawn.len() / 4) as u8]);
+        }
+        png(width, height, png::ColorType::Rgba, &pixels)
+    }
+
     /// The picture as a PNG file.
     pub(super) fn to_png(&self) -> Vec<u8> {
-        let mut bytes = Vec::new();
-        let mut encoder = png::Encoder::new(&mut bytes, self.width as u32, self.height as u32);
-        encoder.set_color(png::ColorType::Rgb);
-        encoder.set_depth(png::BitDepth::Eight);
-        let mut writer = encoder.write_header().expect("writing to memory does not fail");
-        writer.write_image_data(self.pixels.as_flattened()).expect("the pixels fill the picture");
-        drop(writer);
-        bytes
+        png(self.width, self.height, png::ColorType::Rgb, self.pixels.as_flattened())
     }
+}
+
+fn png(width: usize, height: usize, color: png::ColorType, pixels: &[u8]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, width as u32, height as u32);
+    encoder.set_color(color);
+    encoder.set_depth(png::BitDepth::Eight);
+    let mut writer = encoder.write_header().expect("writing to memory does not fail");
+    writer.write_image_data(pixels).expect("the pixels fill the picture");
+    drop(writer);
+    bytes
 }
 
 /// The pixels whose centers may lie between two coordinates.

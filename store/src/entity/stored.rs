@@ -1,293 +1,51 @@
-//! Sensors, objects, jobs and sessions as they are stored.
+//! Objects, jobs and sessions as they are stored.
 
-use std::sync::Arc;
+mod sensor;
 
-use bincode::{Decode, Encode};
-use glam::DVec3;
-use palpate_core::sensor::{
-    Coupling, CoveringEdge, ForceCurve, ImageOrder, Layout, SensorDescription, SensorError,
-    SensorKnowledge, SensorParameters, SpreadKernel, StatedRanges, Taxel, TaxelGrid,
-};
 use uuid::Uuid;
 
-use super::{Job, JobState, Method, Object, Sensor, Session};
+use super::{Job, JobState, Labels, Method, Object, Session};
 use crate::envelope::Kind;
 use crate::error::RecordError;
 use crate::record::{IdV1, Record, code, coded, read, write};
 
-#[derive(Encode, Decode)]
-struct SensorRecordV1 {
-    id: IdV1,
-    name: String,
-    preset: Option<String>,
-    rows: u32,
-    cols: u32,
-    pitch: f64,
-    taxel_width: f64,
-    covering_thickness: f64,
-    point_spread: f64,
-    force_curve: Vec<(f64, f64)>,
-    saturation: f64,
-    noise: f64,
-    quantisation: f64,
-    /// Transposed, rows reversed, columns reversed.
-    image_order: [bool; 3],
-    used: bool,
-    created_at_ms: u64,
-}
+/// Id, name, description, revision, times of creation and of the last change. The labels follow
+/// in schema 2.
+type ObjectRecordV1 = (IdV1, String, String, u64, u64, u64);
 
-/// Coupling and knowledge follow the fields of [`SensorRecordV1`].
-#[derive(Encode, Decode)]
-struct SensorRecordV2 {
-    known: SensorRecordV1,
-    coupling: CouplingV1,
-    /// Index in [`KNOWLEDGE`].
-    knowledge: u8,
-    ranges: RangesV1,
-}
-
-/// The layout follows the fields of [`SensorRecordV2`].
-#[derive(Encode, Decode)]
-struct SensorRecordV3 {
-    known: SensorRecordV2,
-    layout: Option<LayoutV1>,
-}
-
-/// Taxels: position and normal, x, y and z each, and width.
-#[derive(Encode, Decode)]
-struct LayoutV1 {
-    is_near_grid: bool,
-    taxels: Vec<([f32; 3], [f32; 3], f32)>,
-}
-
-impl LayoutV1 {
-    fn of(layout: &Layout) -> Self {
-        let taxel = |taxel: &Taxel| {
-            let (position, normal) = (taxel.position.as_vec3(), taxel.normal.as_vec3());
-            (position.to_array(), normal.to_array(), taxel.width as f32)
-        };
-        let taxels = layout.taxels().iter().map(taxel).collect();
-        Self { is_near_grid: layout.is_near_grid(), taxels }
-    }
-
-    fn value(self, grid: TaxelGrid) -> Result<Layout, RecordError> {
-        let taxel = |(position, normal, width): ([f32; 3], [f32; 3], f32)| Taxel {
-            position: DVec3::from_array(position.map(f64::from)),
-            normal: DVec3::from_array(normal.map(f64::from)),
-            width: f64::from(width),
-        };
-        let taxels = self.taxels.into_iter().map(taxel).collect();
-        let layout = match self.is_near_grid {
-            true => Layout::near_grid(taxels, grid),
-            false => Layout::list(taxels),
-        };
-        Ok(layout.map_err(SensorError::Layout)?)
-    }
-}
-
-#[derive(Encode, Decode)]
-struct CouplingV1 {
-    /// Index in [`KERNELS`].
-    kernel: u8,
-    margin: Option<f64>,
-    /// Index in [`EDGES`].
-    edge: u8,
-    cross_talk: f64,
-    gain_spread: f64,
-    hysteresis: f64,
-}
-
-/// Stated ranges, (low, high) each; kernels and edges are indices.
-#[derive(Encode, Decode)]
-struct RangesV1 {
-    spread_factor: Option<(f64, f64)>,
-    kernels: Option<Vec<u8>>,
-    margin: Option<(f64, f64)>,
-    edges: Option<Vec<u8>>,
-    cross_talk: Option<(f64, f64)>,
-    stiffness: Option<(f64, f64)>,
-    stiffening: Option<(f64, f64)>,
-}
-
-const KERNELS: [SpreadKernel; 2] = [SpreadKernel::Gaussian, SpreadKernel::Exponential];
-const EDGES: [CoveringEdge; 3] =
-    [CoveringEdge::Continues, CoveringEdge::ConservesForce, CoveringEdge::LosesForce];
-const KNOWLEDGE: [SensorKnowledge; 3] =
-    [SensorKnowledge::Measured, SensorKnowledge::DataSheet, SensorKnowledge::Unknown];
-
-impl CouplingV1 {
-    fn of(coupling: &Coupling) -> Self {
-        let Coupling { kernel, margin, edge, cross_talk, gain_spread, hysteresis } = *coupling;
-        let (kernel, edge) = (code(&KERNELS, &kernel), code(&EDGES, &edge));
-        Self { kernel, margin, edge, cross_talk, gain_spread, hysteresis }
-    }
-
-    fn value(&self) -> Result<Coupling, RecordError> {
-        Ok(Coupling {
-            kernel: coded(&KERNELS, "kernel", self.kernel)?,
-            margin: self.margin,
-            edge: coded(&EDGES, "edge", self.edge)?,
-            cross_talk: self.cross_talk,
-            gain_spread: self.gain_spread,
-            hysteresis: self.hysteresis,
-        })
-    }
-}
-
-impl RangesV1 {
-    fn of(stated: &StatedRanges) -> Self {
-        let codes = |edges: &Vec<CoveringEdge>| edges.iter().map(|e| code(&EDGES, e)).collect();
-        let kernels = |all: &Vec<SpreadKernel>| all.iter().map(|k| code(&KERNELS, k)).collect();
-        Self {
-            spread_factor: stated.spread_factor,
-            kernels: stated.kernels.as_ref().map(kernels),
-            margin: stated.margin,
-            edges: stated.edges.as_ref().map(codes),
-            cross_talk: stated.cross_talk,
-            stiffness: stated.stiffness,
-            stiffening: stated.stiffening,
-        }
-    }
-
-    fn value(&self) -> Result<StatedRanges, RecordError> {
-        let kernels = |codes: &Vec<u8>| -> Result<Vec<SpreadKernel>, RecordError> {
-            codes.iter().map(|found| coded(&KERNELS, "kernels", *found)).collect()
-        };
-        let edges = |codes: &Vec<u8>| -> Result<Vec<CoveringEdge>, RecordError> {
-            codes.iter().map(|found| coded(&EDGES, "edges", *found)).collect()
-        };
-        let ranges = StatedRanges {
-            spread_factor: self.spread_factor,
-            kernels: self.kernels.as_ref().map(kernels).transpose()?,
-            margin: self.margin,
-            edges: self.edges.as_ref().map(edges).transpose()?,
-            cross_talk: self.cross_talk,
-            stiffness: self.stiffness,
-            stiffening: self.stiffening,
-        };
-        ranges.check()?;
-        Ok(ranges)
-    }
-}
-
-impl Record for Sensor {
-    const KIND: Kind = Kind::Sensor;
-    const SCHEMA: u16 = 3;
-
-    fn to_payload(&self) -> Vec<u8> {
-        let coupling = CouplingV1::of(&self.description.parameters().coupling);
-        let (knowledge, ranges) = (code(&KNOWLEDGE, &self.knowledge), RangesV1::of(&self.ranges));
-        let layout = self.description.layout().map(LayoutV1::of);
-        let known = SensorRecordV2 { known: SensorRecordV1::of(self), coupling, knowledge, ranges };
-        write(&SensorRecordV3 { known, layout })
-    }
-
-    fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
-        let SensorRecordV3 { known, layout } = read(payload)?;
-        known.sensor(layout)
-    }
-
-    /// Presets of schema 1 describe the simulator; other sensors were described by their owners.
-    fn from_older(schema: u16, payload: &[u8]) -> Result<Self, RecordError> {
-        match schema {
-            1 => {
-                let known: SensorRecordV1 = read(payload)?;
-                let knowledge = match known.preset {
-                    Some(_) => SensorKnowledge::Measured,
-                    None => SensorKnowledge::DataSheet,
-                };
-                known.sensor(Coupling::default(), knowledge, StatedRanges::default(), None)
-            }
-            2 => read::<SensorRecordV2>(payload)?.sensor(None),
-            found => Err(RecordError::Schema { found, known: Self::SCHEMA }),
-        }
-    }
-}
-
-impl SensorRecordV2 {
-    fn sensor(self, layout: Option<LayoutV1>) -> Result<Sensor, RecordError> {
-        let Self { known, coupling, knowledge, ranges } = self;
-        let knowledge = coded(&KNOWLEDGE, "knowledge", knowledge)?;
-        known.sensor(coupling.value()?, knowledge, ranges.value()?, layout)
-    }
-}
-
-impl SensorRecordV1 {
-    fn of(sensor: &Sensor) -> Self {
-        let parameters = sensor.description.parameters();
-        let order = parameters.image_order;
-        Self {
-            id: sensor.id.into_bytes(),
-            name: sensor.name.clone(),
-            preset: sensor.preset.clone(),
-            // A description has at most 128 of each.
-            rows: parameters.grid.rows as u32,
-            cols: parameters.grid.cols as u32,
-            pitch: parameters.grid.pitch,
-            taxel_width: parameters.grid.taxel_width,
-            covering_thickness: parameters.covering_thickness,
-            point_spread: parameters.point_spread,
-            force_curve: parameters.force_curve.knots().to_vec(),
-            saturation: parameters.saturation,
-            noise: parameters.noise,
-            quantisation: parameters.quantisation,
-            image_order: [order.transposed, order.rows_reversed, order.cols_reversed],
-            used: sensor.used,
-            created_at_ms: sensor.created_at_ms,
-        }
-    }
-
-    fn sensor(
-        self,
-        coupling: Coupling,
-        knowledge: SensorKnowledge,
-        ranges: StatedRanges,
-        layout: Option<LayoutV1>,
-    ) -> Result<Sensor, RecordError> {
-        let [transposed, rows_reversed, cols_reversed] = self.image_order;
-        let grid = TaxelGrid {
-            rows: self.rows as usize,
-            cols: self.cols as usize,
-            pitch: self.pitch,
-            taxel_width: self.taxel_width,
-        };
-        let description = SensorDescription::new(SensorParameters {
-            grid,
-            layout: layout.map(|layout| layout.value(grid)).transpose()?.map(Arc::new),
-            covering_thickness: self.covering_thickness,
-            point_spread: self.point_spread,
-            force_curve: ForceCurve::new(self.force_curve)?,
-            saturation: self.saturation,
-            noise: self.noise,
-            quantisation: self.quantisation,
-            image_order: ImageOrder { transposed, rows_reversed, cols_reversed },
-            coupling,
-        })?;
-        Ok(Sensor {
-            id: Uuid::from_bytes(self.id),
-            name: self.name,
-            preset: self.preset,
-            description,
-            knowledge,
-            ranges,
-            used: self.used,
-            created_at_ms: self.created_at_ms,
-        })
-    }
+fn object(stored: ObjectRecordV1) -> Object {
+    let (id, name, description, revision, created_at_ms, updated_at_ms) = stored;
+    let (id, labels) = (Uuid::from_bytes(id), Labels::new());
+    Object { id, name, description, labels, revision, created_at_ms, updated_at_ms }
 }
 
 impl Record for Object {
     const KIND: Kind = Kind::Object;
+    const SCHEMA: u16 = 2;
 
     fn to_payload(&self) -> Vec<u8> {
-        let Self { id, name, description, revision, created_at_ms, updated_at_ms } = self;
-        write(&(id.as_bytes(), name, description, revision, created_at_ms, updated_at_ms))
+        let Self { id, name, description, labels, revision, created_at_ms, updated_at_ms } = self;
+        let known = (
+            id.into_bytes(),
+            name.clone(),
+            description.clone(),
+            revision,
+            created_at_ms,
+            updated_at_ms,
+        );
+        write(&(known, labels))
     }
 
     fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
-        let (id, name, description, revision, created_at_ms, updated_at_ms) = read(payload)?;
-        let id = Uuid::from_bytes(id);
-        Ok(Self { id, name, description, revision, created_at_ms, updated_at_ms })
+        let (known, labels): (ObjectRecordV1, Labels) = read(payload)?;
+        Ok(Self { labels, ..object(known) })
+    }
+
+    fn from_older(schema: u16, payload: &[u8]) -> Result<Self, RecordError> {
+        match schema {
+            1 => Ok(object(read(payload)?)),
+            found => Err(RecordError::Schema { found, known: Self::SCHEMA }),
+        }
     }
 }
 
@@ -301,6 +59,7 @@ const JOB_STATES: [JobState; 5] = [
 
 impl Record for Job {
     const KIND: Kind = Kind::Job;
+    const SCHEMA: u16 = 2;
 
     fn to_payload(&self) -> Vec<u8> {
         let progress = (&self.stage, self.done, self.total, self.cancel_requested);
@@ -308,30 +67,53 @@ impl Record for Job {
         let times = (self.created_at_ms, self.started_at_ms, self.finished_at_ms);
         let state = code(&JOB_STATES, &self.state);
         let id = self.id.as_bytes();
-        write(&(id, &self.catalogue, &self.request, state, progress, outcome, times))
+        let known = (id, &self.catalogue, &self.request, state, progress, outcome, times);
+        write(&(known, &self.report))
     }
 
     fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
-        let (id, catalogue, request, state, progress, outcome, times) = read(payload)?;
-        let (stage, done, total, cancel_requested) = progress;
-        let (version, error) = outcome;
-        let (created_at_ms, started_at_ms, finished_at_ms) = times;
-        Ok(Self {
-            id: Uuid::from_bytes(id),
-            catalogue,
-            request,
-            state: coded(&JOB_STATES, "state", state)?,
-            stage,
-            done,
-            total,
-            cancel_requested,
-            version,
-            error,
-            created_at_ms,
-            started_at_ms,
-            finished_at_ms,
-        })
+        let (known, report): (JobRecordV1, Option<String>) = read(payload)?;
+        Ok(Self { report, ..job(known)? })
     }
+
+    fn from_older(schema: u16, payload: &[u8]) -> Result<Self, RecordError> {
+        match schema {
+            1 => job(read(payload)?),
+            found => Err(RecordError::Schema { found, known: Self::SCHEMA }),
+        }
+    }
+}
+
+/// Stage, done, total, whether its cancellation was requested.
+type JobProgressV1 = (String, u64, u64, bool);
+/// Version and error.
+type JobOutcomeV1 = (Option<u32>, Option<String>);
+/// Times of the request, the start and the end.
+type JobTimesV1 = (u64, Option<u64>, Option<u64>);
+/// Id, catalogue, request, state, and the above. The report follows in schema 2.
+type JobRecordV1 = (IdV1, String, String, u8, JobProgressV1, JobOutcomeV1, JobTimesV1);
+
+fn job(stored: JobRecordV1) -> Result<Job, RecordError> {
+    let (id, catalogue, request, state, progress, outcome, times) = stored;
+    let (stage, done, total, cancel_requested) = progress;
+    let (version, error) = outcome;
+    let (created_at_ms, started_at_ms, finished_at_ms) = times;
+    Ok(Job {
+        id: Uuid::from_bytes(id),
+        catalogue,
+        request,
+        state: coded(&JOB_STATES, "state", state)?,
+        stage,
+        done,
+        total,
+        cancel_requested,
+        version,
+        error,
+        report: None,
+        created_at_ms,
+        started_at_ms,
+        finished_at_ms,
+    })
 }
 
 const METHODS: [Method; 4] = [Method::Surface, Method::Sva, Method::Appearance, Method::Geometric];

@@ -11,6 +11,7 @@ mod engines;
 mod fsck;
 mod holding;
 mod keeping;
+mod labels;
 mod meshes;
 mod removal;
 mod repositories;

@@ -19,7 +19,7 @@ use palpate_store::calibration::{StoredLines, StoredPassport, StoredSpread};
 use palpate_store::catalogue::{Catalogue, Draft, VersionObject};
 use palpate_store::database::Database;
 use palpate_store::entity::{
-    Job, JobState, Method, Object, ReadingId, Sensor, Session, StoredReading,
+    Job, JobState, Labels, Method, Object, ReadingId, Sensor, Session, StoredReading,
 };
 use palpate_store::error::StoreError;
 use palpate_store::journal::{Event, NewEntry};
@@ -38,6 +38,7 @@ pub(crate) fn sensor(id: u128) -> Sensor {
         description: SensorDescription::digitacts_6x6(),
         knowledge: SensorKnowledge::Measured,
         ranges: StatedRanges::default(),
+        labels: Labels::new(),
         used: true,
         created_at_ms: 1_700_000_000_001,
     }
@@ -89,6 +90,7 @@ pub(crate) fn object(id: u128) -> Object {
         id: Uuid::from_u128(id),
         name: format!("object-{id}"),
         description: "a mug, Größe 80 mm".to_owned(),
+        labels: Labels::new(),
         revision: 3,
         created_at_ms: 1_700_000_000_002,
         updated_at_ms: 1_700_000_000_003,
@@ -107,6 +109,7 @@ pub(crate) fn job(id: u128) -> Job {
         cancel_requested: true,
         version: Some(2),
         error: Some("none yet".to_owned()),
+        report: None,
         created_at_ms: 1_700_000_000_004,
         started_at_ms: Some(1_700_000_000_005),
         finished_at_ms: None,

@@ -95,6 +95,7 @@ pub(crate) async fn placeholders(asked: &Asked) -> Vec<(String, Vec<String>)> {
         one("body", "cube"),
         one("key", "none"),
         one("job", "none"),
+        one("alias", "candidate"),
     ]
 }
 
@@ -150,7 +151,12 @@ fn bodies(path: &str) -> Vec<Value> {
             json!({"element_width": 0.002, "thicknesses": [0.001, 0.002]}),
         ],
         "/v1/catalogues/{name}/calibrations" => vec![json!({"version": 1, "activate": false})],
-        "/v1/catalogues/{name}/current" => vec![json!({"version": 1})],
+        "/v1/catalogues/{name}/current" | "/v1/catalogues/{name}/aliases/{alias}" => {
+            vec![json!({"version": 1})]
+        }
+        "/v1/catalogues/{name}/versions/{version}/shadow" => {
+            vec![json!({"against": 1, "risk": 0.05})]
+        }
         "/v1/catalogues/{name}/merges" => {
             vec![json!({"version": 1, "with": {"catalogue": "solid", "version": 1}})]
         }

@@ -97,7 +97,7 @@ impl Catalogues {
     ) -> Result<wire::CatalogueVersion, CatalogueError> {
         let _using = self.using().await;
         let catalogue = self.find(name)?;
-        let ours = self.pin(name, request.version)?;
+        let ours = self.pin(name, request.version, None)?;
         let ours = self.whole(ours.catalogue, ours.version).await?;
         let with = self
             .find(&request.with.catalogue)

@@ -1,7 +1,7 @@
 //! Removal of unneeded versions and catalogues.
 //!
-//! A version is needed while it is current, while a session that began with it is kept (its
-//! belief must be replayable), and while an unfinished job extends or recalibrates it. An operation that
+//! A version is needed while it is current or has an alias, while a session that began with it is kept (its
+//! belief must be replayable), and while an unfinished job extends, recalibrates or compares it. An operation that
 //! starts to use a version read-locks `using` from the look-up until its record is stored; a
 //! removal write-locks it, so that no operation starts to need the removed version.
 
@@ -30,6 +30,10 @@ impl Catalogues {
         let what = format!("version {version} of catalogue {name:?}");
         if catalogue.current == Some(version) {
             let by = "new sessions use it: make another version current first".to_owned();
+            return Err(Cause::Needed { what, by }.into());
+        }
+        if let Some((alias, _)) = catalogue.aliases.iter().find(|(_, named)| **named == version) {
+            let by = format!("the alias {alias:?} names it: let it name another version first");
             return Err(Cause::Needed { what, by }.into());
         }
         self.expect_unused(&what, &catalogue, Some(version))?;
@@ -85,7 +89,7 @@ impl Catalogues {
         let extends = |job: &&Job| {
             version.is_none_or(|version| {
                 let asked = serde_json::from_str::<JobRequest>(&job.request);
-                asked.is_ok_and(|asked| asked.needs() == Some(version))
+                asked.is_ok_and(|asked| asked.needs(version))
             })
         };
         match jobs.iter().filter(trains).find(extends) {

@@ -26,6 +26,7 @@ pub(super) struct Ending {
     pub(super) state: JobState,
     pub(super) version: Option<u32>,
     pub(super) reason: Option<String>,
+    pub(super) report: Option<String>,
     pub(super) at_ms: u64,
 }
 
@@ -34,6 +35,7 @@ impl Ending {
         job.state = self.state;
         job.version = self.version;
         job.error.clone_from(&self.reason);
+        job.report.clone_from(&self.report);
         job.finished_at_ms = Some(self.at_ms);
     }
 }

@@ -7,6 +7,7 @@ use uuid::Uuid;
 use crate::cause::Cause;
 use crate::services::catalogues::CatalogueError;
 use crate::services::recalibration::RecalibrationError;
+use crate::services::shadow::ShadowError;
 
 /// Error of jobs.
 #[derive(Debug, Error)]
@@ -19,6 +20,8 @@ pub(crate) enum JobError {
     Catalogue(#[from] CatalogueError),
     #[error(transparent)]
     Recalibration(#[from] RecalibrationError),
+    #[error(transparent)]
+    Shadow(#[from] ShadowError),
     #[error(transparent)]
     Cause(Cause),
 }

@@ -33,7 +33,7 @@ impl Jobs {
     ) -> Result<wire::Job, JobError> {
         let _using = self.catalogues.using().await;
         let catalogue = self.catalogues.find(catalogue)?;
-        let version = self.catalogues.pin(&catalogue.name, request.version)?.version;
+        let version = self.catalogues.pin(&catalogue.name, request.version, None)?.version;
         let (target, _) = self.target(&catalogue, version)?;
         let (jobs, stop) = (Arc::clone(self), Asker::current().overdue().clone());
         let choosing = move || {
@@ -55,8 +55,8 @@ impl Jobs {
         Ok(job)
     }
 
-    /// A version that can be recalibrated, and its parameters.
-    fn target(
+    /// A version whose sessions can be replayed, and its parameters.
+    pub(super) fn target(
         &self,
         catalogue: &Catalogue,
         version: u32,

@@ -20,13 +20,19 @@ use crate::services::training::{Sources, TrainingFailure, train};
 use crate::wire::recalibration::JobRequest;
 use crate::wire::training::job as shown;
 
+/// What a job made or tried, and what it found.
+pub(super) struct Done {
+    pub(super) version: u32,
+    pub(super) report: Option<String>,
+}
+
 impl Jobs {
-    /// Does a job; the version that it made.
+    /// Does a job.
     pub(super) async fn work_on(
         &self,
         job: &Job,
         control: &Arc<Control>,
-    ) -> Result<u32, TrainingFailure> {
+    ) -> Result<Done, TrainingFailure> {
         let table = self.store.jobs();
         let marked = table.update(job.id, |now| {
             if now.state != JobState::Queued {
@@ -43,12 +49,19 @@ impl Jobs {
         let request: JobRequest = serde_json::from_str(&job.request).map_err(|error| {
             Cause::Unusable { what: "job", id: job.id.to_string(), reason: error.to_string() }
         })?;
-        match request {
-            JobRequest::Training(training) => self.train(&job, *training, control).await,
+        let version = match request {
+            JobRequest::Training(training) => self.train(&job, *training, control).await?,
             JobRequest::Recalibration { recalibration } => {
-                self.recalibrate(&job, recalibration, control).await
+                self.recalibrate(&job, recalibration, control).await?
             }
-        }
+            JobRequest::Shadow { version, shadow } => {
+                let report = self.shadow(&job, version, shadow, control).await?;
+                let report = serde_json::to_string(&report);
+                let report = Some(report.expect("a report consists of finite numbers and names"));
+                return Ok(Done { version, report });
+            }
+        };
+        Ok(Done { version, report: None })
     }
 
     async fn train(

@@ -22,7 +22,7 @@ use crate::wire::session::options;
 const SESSIONS_PER_PAGE: usize = 256;
 
 /// What the truths of sessions mean to a version.
-pub(super) struct Truths<'a> {
+pub(crate) struct Truths<'a> {
     store: &'a Database,
     target: &'a Target,
     /// Whether another version of the catalogue knew all objects of this one.
@@ -30,14 +30,14 @@ pub(super) struct Truths<'a> {
 }
 
 impl<'a> Truths<'a> {
-    pub(super) fn new(store: &'a Database, target: &'a Target) -> Self {
+    pub(crate) fn new(store: &'a Database, target: &'a Target) -> Self {
         Self { store, target, knew_all: BTreeMap::new() }
     }
 
     /// The object that a session touched: its index in the version, inside `None` for one that the
     /// version lacks. `None` if the session does not tell, or is none of this catalogue and of
     /// the method `surface`.
-    pub(super) fn of(&mut self, session: &Session) -> Result<Option<Option<usize>>, StoreError> {
+    pub(crate) fn of(&mut self, session: &Session) -> Result<Option<Option<usize>>, StoreError> {
         let options = options(session);
         let is_ours = session.catalogue == self.target.catalogue.id;
         let (true, Method::Surface, Some(truth)) = (is_ours, options.method, options.truth) else {

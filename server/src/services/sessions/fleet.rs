@@ -1,7 +1,6 @@
 //! The fleet: the open sessions, those that need attention first, and what operators do to many
 //! of them at once.
 
-use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use futures::stream::{self, StreamExt};
@@ -22,7 +21,7 @@ use crate::wire::{Invalid, count, time, within};
 
 /// Maximum number of sessions in an answer: as many as one stream of events follows.
 const SESSIONS_MAX: u64 = 100;
-/// Number of newest readings whose robots are named.
+/// Number of newest entries among which the newest reading is looked for.
 const READINGS: u64 = 64;
 /// Maximum time of a mute, seconds: a week.
 const MUTE_MAX_S: u64 = 604_800;
@@ -181,8 +180,6 @@ impl Sessions {
         let entries = self.tools.store.journal().entries(session.id, from, READINGS as usize)?;
         let is_reading = |entry: &&Entry| matches!(entry.event, Event::Reading(_));
         let newest = entries.iter().rev().find(is_reading);
-        let ids = entries.iter().filter_map(|entry| entry.reading_id.as_ref());
-        let robots: BTreeSet<&str> = ids.map(|id| id.robot.as_str()).collect();
         let attention = wire::Attention {
             level: judgement.level,
             reason: judgement.reason,
@@ -192,11 +189,9 @@ impl Sessions {
             muted_until: handled.muted_until_ms.map(time),
         };
         Ok(wire::FleetSession {
-            robots: robots.into_iter().map(str::to_owned).collect(),
             last_reading_at: newest.map(|entry| time(entry.received_at_ms)),
             session: self.show_as(&session, status)?,
             attention,
-            latest: trace.last().map(Point::shown),
             trace: trace.iter().filter(|_| with_trace).map(Point::shown).collect(),
         })
     }

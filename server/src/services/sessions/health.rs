@@ -1,4 +1,5 @@
-//! Counting of ended sessions towards the health of their sensors, in the background.
+//! Counting of ended sessions towards the health of their sensors, in the background, which also
+//! keeps their outcomes.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -25,7 +26,7 @@ const CONFIRMED: f64 = 0.5;
 const TOUCHES_MIN: usize = 6;
 /// Number of readings up to which an ended session's belief is folded again. Chosen: sessions
 /// that need more are rare, and recognised before.
-const READINGS_MAX: u64 = 64;
+pub(super) const READINGS_MAX: u64 = 64;
 /// Number of shifts of a day from which beliefs are no longer folded again for more. Chosen: the
 /// mean of as many is as good as it gets, and folding costs what the session's touches did.
 const SHIFTS_ENOUGH: u32 = 20;
@@ -64,6 +65,7 @@ impl Sessions {
         let Some(session) = self.tools.store.sessions().find(id)? else { return Ok(()) };
         let status = status(&self.tools.store, &session, now_ms())?;
         let Some(end) = status.end else { return Ok(()) };
+        self.keep_outcome(&session, &status).await?;
         let place = self.place().await?;
         let sessions = Arc::clone(self);
         let counting = move || sessions.sensors.health().counted(id, end.at_ms);
@@ -96,7 +98,7 @@ impl Sessions {
     }
 
     /// Waits until the compute pool has a slot; no client waits for the result.
-    async fn place(&self) -> Result<Place, ComputeError> {
+    pub(super) async fn place(&self) -> Result<Place, ComputeError> {
         self.tools.pool.place_in_time().await.map_err(|_| ComputeError::Stopped)
     }
 

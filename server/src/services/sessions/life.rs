@@ -25,7 +25,7 @@ use crate::clock::{now_ms, pause};
 use crate::live::{Live, LiveError, status};
 use crate::services::catalogues::DEFAULT;
 use crate::wire::life::{opened_by, set_lease, set_truth};
-use crate::wire::session::Limits;
+use crate::wire::session::{Limits, Outcome};
 use crate::wire::{self as convert};
 
 /// Interval at which expired sessions are searched.
@@ -39,11 +39,12 @@ const FORGET_PAGE: usize = 256;
 const FORGET_AT_ONCE: usize = 16;
 
 impl Sessions {
-    /// Registers the open sessions, and removes the checkpoints of others. Blocks.
+    /// Registers all sessions and the open ones, and removes the checkpoints of others. Blocks.
     pub(crate) fn take_stock(&self) -> Result<(), Cause> {
         let (mut after, now) = (None, now_ms());
         loop {
             let page = self.tools.store.sessions().list_whole(after, SESSIONS_PER_READ)?;
+            page.items.iter().for_each(|session| self.ids.add(session.id));
             // For sessions that were not closed, the last reading determines whether they
             // have expired.
             let since = now.saturating_sub(LOOK_BACK_MS);
@@ -74,7 +75,7 @@ impl Sessions {
     ) -> Result<wire::Session, SessionError> {
         let _using = self.catalogues.using().await;
         let name = request.catalogue.as_deref().unwrap_or(DEFAULT);
-        let pinned = self.catalogues.pin(name, request.version)?;
+        let pinned = self.catalogues.pin(name, request.version, request.alias.as_deref())?;
         let method = convert::session::method(request, pinned.has_surfaces);
         let model = self.model(pinned.catalogue, pinned.version, method).await?;
         let (time_to_live, asker) = (self.time_to_live, asker::Asker::current());
@@ -89,8 +90,9 @@ impl Sessions {
             return Err(error.into());
         }
         tracing::debug!(session.id = %session.id, "Created session {}", session.id);
-        let shown =
-            convert::session::session(&session, &model.name, status, |key| self.keys.writer(key));
+        self.ids.add(session.id);
+        let (outcome, writer) = (Outcome::default(), |key| self.keys.writer(key));
+        let shown = convert::session::session(&session, &model.name, status, outcome, writer);
         self.keep(session.id, Arc::new(Live::new(&self.tools, session, model, &self.beliefs)));
         Ok(shown)
     }
@@ -177,6 +179,7 @@ impl Sessions {
             }
         }
         self.leave(id);
+        self.ids.remove(id);
         tracing::info!(session.id = %id, "Deleted session {id}");
         Ok(())
     }

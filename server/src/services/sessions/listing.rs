@@ -1,13 +1,20 @@
-//! Lists of sessions by their ids, and the readings of one.
+//! Lists of sessions, searched and in either order, and the readings of one.
 
 use palpate_schemas as wire;
-use palpate_schemas::SessionState;
+use palpate_store::error::StoreError;
 use palpate_store::journal::{Event, Limit};
+use palpate_store::table::LOOKED_AT_MAX;
 use uuid::Uuid;
 
 use super::Sessions;
+use super::search::Search;
 use crate::cause::Cause;
+use crate::clock::now_ms;
+use crate::live::status;
 use crate::wire::{PAGE_BYTES, cursor, page_id, page_length, page_number, reading};
+
+/// Number of ids that are looked up at once.
+const IDS_PER_PAGE: usize = 4096;
 
 impl Sessions {
     pub(crate) fn get(&self, id: &str) -> Result<wire::Session, Cause> {
@@ -15,25 +22,51 @@ impl Sessions {
         Ok(self.show(&session)?)
     }
 
-    pub(crate) fn list(&self, query: &wire::SessionsQuery) -> Result<wire::SessionPage, Cause> {
+    /// A page of the sessions that fit. Looks at [`LOOKED_AT_MAX`] sessions at most.
+    pub(crate) fn list(&self, query: wire::SessionsQuery) -> Result<wire::SessionPage, Cause> {
         let page = wire::PageQuery { limit: query.limit, cursor: query.cursor.clone() };
-        let (mut after, limit) = (page_id(&page)?, page_length(&page)?);
-        if query.state == Some(SessionState::Open) {
-            return self.list_open(after, limit);
-        }
-        let mut items = Vec::new();
+        let (after, limit) = (page_id(&page)?, page_length(&page)?);
+        let (search, now) = (Search::new(query)?, now_ms());
+        let mut range = search.range();
+        range = after.map_or(range, |after| range.behind(after));
+        let (mut items, mut n_looked_at) = (Vec::new(), 0);
         loop {
-            let page = self.tools.store.sessions().list_whole(after, limit - items.len())?;
-            for session in &page.items {
-                let shown = self.show(session)?;
-                if query.state.is_none_or(|state| shown.state == state) {
-                    items.push(shown);
+            let ids = self.ids.page(range, IDS_PER_PAGE);
+            let Some(last) = ids.last().copied() else {
+                return Ok(wire::SessionPage { items, next_cursor: None });
+            };
+            for id in ids {
+                if search.is_of_open() && !self.open.contains(id) {
+                    continue;
+                }
+                n_looked_at += 1;
+                let shown = self.shown_of(id, now)?;
+                items.extend(shown.filter(|session| search.fits(session)));
+                if items.len() == limit || n_looked_at == LOOKED_AT_MAX {
+                    let is_more = !self.ids.page(range.behind(id), 1).is_empty();
+                    let next_cursor = cursor(is_more.then_some(id));
+                    return Ok(wire::SessionPage { items, next_cursor });
                 }
             }
-            after = page.next;
-            if items.len() == limit || after.is_none() {
-                return Ok(wire::SessionPage { items, next_cursor: cursor(after) });
+            range = range.behind(last);
+        }
+    }
+
+    /// A session in its wire form; `None` if it was deleted, or is damaged, which is logged.
+    fn shown_of(&self, id: Uuid, now: u64) -> Result<Option<wire::Session>, Cause> {
+        let shown = self.tools.store.sessions().find(id).and_then(|found| {
+            let shown = |session| {
+                let status = status(&self.tools.store, &session, now)?;
+                self.show_as(&session, status)
+            };
+            found.map(shown).transpose()
+        });
+        match shown {
+            Err(error @ StoreError::Damaged { .. }) => {
+                tracing::error!(session.id = %id, "Left session {id} out of a list: {error}");
+                Ok(None)
             }
+            other => Ok(other?),
         }
     }
 
@@ -63,17 +96,5 @@ impl Sessions {
         }
         let is_last = next >= journal.len(session)?;
         Ok(wire::SessionReadingPage { items, next_cursor: (!is_last).then(|| next.to_string()) })
-    }
-
-    fn list_open(&self, after: Option<Uuid>, limit: usize) -> Result<wire::SessionPage, Cause> {
-        let (ids, more) = self.open.page(after, limit);
-        let next_cursor = cursor(ids.last().copied().filter(|_| more));
-        let mut items = Vec::with_capacity(ids.len());
-        for id in ids {
-            let Some(session) = self.tools.store.sessions().find(id)? else { continue };
-            items.push(self.show(&session)?);
-        }
-        items.retain(|session| session.state == SessionState::Open);
-        Ok(wire::SessionPage { items, next_cursor })
     }
 }

@@ -1,4 +1,4 @@
-//! Errors of trainings and recalibrations, in words for the user.
+//! Errors of jobs, in words for the user.
 
 use palpate_core::reading::ReadingError;
 use palpate_core::training::TrainingError;
@@ -17,8 +17,9 @@ use crate::cause::Cause;
 use crate::model::NoPart;
 use crate::services::catalogues::CatalogueError;
 use crate::services::recalibration::RecalibrationError;
+use crate::services::shadow::ShadowError;
 
-/// Error of a training or a recalibration.
+/// Error of a training, a recalibration or a comparison.
 #[derive(Debug, Error)]
 pub(crate) enum TrainingFailure {
     #[error("it was told to stop")]
@@ -86,6 +87,8 @@ pub(crate) enum TrainingFailure {
     #[error(transparent)]
     Recalibration(RecalibrationError),
     #[error(transparent)]
+    Shadow(ShadowError),
+    #[error(transparent)]
     Catalogue(#[from] CatalogueError),
     #[error(transparent)]
     Cause(Cause),
@@ -102,6 +105,15 @@ impl From<RecalibrationError> for TrainingFailure {
         match error {
             RecalibrationError::Stopped => Self::Stopped,
             error => Self::Recalibration(error),
+        }
+    }
+}
+
+impl From<ShadowError> for TrainingFailure {
+    fn from(error: ShadowError) -> Self {
+        match error {
+            ShadowError::Stopped => Self::Stopped,
+            error => Self::Shadow(error),
         }
     }
 }
@@ -131,6 +143,7 @@ impl TrainingFailure {
             | Self::NoPart(_)
             | Self::NothingLeft { .. }
             | Self::Recalibration(_)
+            | Self::Shadow(_)
             | Self::AppearanceVocabulary(_)
             | Self::Vocabulary(_)
             | Self::Space(_)

@@ -1,0 +1,76 @@
+//! Labels of catalogues, and names of versions besides the current one, such as `candidate`.
+
+use palpate_schemas as wire;
+use palpate_store::catalogue::Catalogue;
+use palpate_store::error::StoreError;
+
+use super::{CatalogueError, Catalogues};
+use crate::cause::Cause;
+use crate::wire::{self as convert, Invalid, labels};
+
+/// Maximum number of aliases of a catalogue. Chosen: far more than stages of a release.
+const ALIASES_MAX: usize = 16;
+/// The name of the current version, which is set by itself.
+const CURRENT: &str = "current";
+
+impl Catalogues {
+    /// Replaces a catalogue's labels.
+    pub(crate) async fn label(
+        &self,
+        name: &str,
+        asked: &wire::SetLabels,
+    ) -> Result<Catalogue, Cause> {
+        let catalogue = self.find(name)?;
+        labels::checked(&asked.labels)?;
+        let changed = self.table.update(catalogue.id, |now| {
+            now.labels.clone_from(&asked.labels);
+            Ok::<(), StoreError>(())
+        });
+        Ok(changed.await??)
+    }
+
+    /// Lets an alias name a version.
+    pub(crate) async fn set_alias(
+        &self,
+        name: &str,
+        alias: &str,
+        version: u32,
+    ) -> Result<Catalogue, CatalogueError> {
+        let _using = self.using().await;
+        let catalogue = self.find(name)?;
+        // The alias stands in the path: a wrong one is named like a field of the request.
+        convert::name(alias).map_err(|Invalid(mut errors)| {
+            errors.iter_mut().for_each(|error| "/alias".clone_into(&mut error.pointer));
+            Invalid(errors)
+        })?;
+        if alias == CURRENT || alias.chars().all(|c| c.is_ascii_digit()) {
+            let detail =
+                format!("came {alias:?}, expected a name other than `current` and numbers");
+            return Err(Cause::field("/alias", detail).into());
+        }
+        self.manifest(&catalogue, version).map_err(|error| Cause::field("/version", error))?;
+        let changed = self.table.update(catalogue.id, |now| {
+            if now.aliases.len() >= ALIASES_MAX && !now.aliases.contains_key(alias) {
+                let detail =
+                    format!("the catalogue has {ALIASES_MAX} aliases, which is the maximum");
+                return Err(Cause::field("/alias", detail));
+            }
+            now.aliases.insert(alias.to_owned(), version);
+            Ok(())
+        });
+        let catalogue = changed.await??;
+        tracing::info!("Alias {alias:?} of catalogue {name:?} names version {version} now");
+        Ok(catalogue)
+    }
+
+    /// Removes an alias.
+    pub(crate) async fn remove_alias(&self, name: &str, alias: &str) -> Result<(), Cause> {
+        let catalogue = self.find(name)?;
+        let changed = self.table.update(catalogue.id, |now| match now.aliases.remove(alias) {
+            Some(_) => Ok(()),
+            None => Err(Cause::unknown("alias", alias)),
+        });
+        changed.await??;
+        Ok(())
+    }
+}
