@@ -1,10 +1,12 @@
 // Frame of every view: skip link, navigation, main landmark, and the sign-in gate.
 import { useEffect, useRef } from "preact/hooks";
 import { announcement } from "./announce";
+import { AuditView } from "./audit/AuditView";
 import { keyWanted } from "./api/http";
 import { FleetView } from "./fleet/FleetView";
 import { HealthView } from "./health/HealthView";
 import { JobsView } from "./jobs/JobsView";
+import { JobView } from "./jobs/JobView";
 import { KeysView } from "./keys/KeysView";
 import { ModelsView } from "./models/ModelsView";
 import { VersionView } from "./models/VersionView";
@@ -15,15 +17,21 @@ import { link, route } from "./router";
 import { SensorsView } from "./sensors/SensorsView";
 import { SensorView } from "./sensors/SensorView";
 import { SessionView } from "./session/SessionView";
+import { CompareView } from "./sessions/CompareView";
+import { SessionsView } from "./sessions/SessionsView";
 import { maySee, NotPermitted, SignIn, Who, who, whoAsked } from "./signin";
+import { SnapshotsView } from "./snapshots/SnapshotsView";
 
 const VIEWS: [path: string, name: string][] = [
   ["fleet", "Fleet"],
+  ["sessions", "Sessions"],
   ["objects", "Objects"],
   ["models", "Models"],
   ["jobs", "Jobs"],
   ["sensors", "Sensors"],
   ["keys", "Keys"],
+  ["audit", "Audit"],
+  ["snapshots", "Snapshots"],
   ["health", "Health"],
 ];
 
@@ -84,24 +92,30 @@ function Main() {
 }
 
 function View() {
-  const [view = "fleet", id, part] = route.value;
+  const [view = "fleet", id, part, what] = route.value;
   const name = VIEWS.find(([path]) => path === view)?.[1];
   if (who.value !== undefined && name !== undefined && !maySee(view)) return <NotPermitted view={view} name={name} />;
   switch (view) {
     case "fleet":
       return <FleetView />;
     case "sessions":
-      return id === undefined ? <FleetView /> : <SessionView id={id} />;
+      return id === undefined ? <SessionsView /> : <SessionView id={id} at={revision(part, what)} />;
+    case "compare":
+      return id !== undefined && part !== undefined ? <CompareView ids={[id, part]} /> : <SessionsView />;
     case "objects":
       return id === undefined ? <ObjectsView /> : <ObjectView id={id} />;
     case "models":
       return id !== undefined && part !== undefined ? <VersionView catalogue={id} version={part} /> : <ModelsView />;
     case "jobs":
-      return <JobsView />;
+      return id === undefined ? <JobsView /> : <JobView id={id} />;
     case "sensors":
       return id === undefined ? <SensorsView /> : <SensorView id={id} />;
     case "keys":
       return <KeysView />;
+    case "audit":
+      return <AuditView />;
+    case "snapshots":
+      return <SnapshotsView />;
     case "health":
       return <HealthView />;
     default:
@@ -114,7 +128,12 @@ function View() {
 }
 
 function isAt(view: string, path: string): boolean {
-  return view === path || (view === "sessions" && path === "fleet");
+  return view === path || (view === "compare" && path === "sessions");
+}
+
+/** The revision of a link to a moment, `#/sessions/ID/at/12`; null for the newest. */
+function revision(part: string | undefined, at: string | undefined): number | null {
+  return part === "at" && /^\d+$/.test(at ?? "") ? Number(at) : null;
 }
 
 function toMain(event: Event): void {

@@ -37,6 +37,8 @@ const VIEW_ROLES: Record<string, Role[]> = {
   jobs: LOOKING,
   health: LOOKING,
   keys: ["admin"],
+  audit: ["admin"],
+  snapshots: ["admin"],
 };
 
 /** The note in place of a view that the key's role may not open. */

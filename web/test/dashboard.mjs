@@ -184,12 +184,12 @@ await step("the 3-D view turns by arrow keys, and everything is reached by Tab",
   await page.goto(`${SERVER}/?tab#/fleet`);
   await page.locator(".fleet-row").first().waitFor();
   const stops = [];
-  for (let i = 0; i < 12; i += 1) {
+  for (let i = 0; i < 15; i += 1) {
     await page.keyboard.press("Tab");
     stops.push(await page.evaluate(() => document.activeElement.textContent.trim() || document.activeElement.getAttribute("aria-label")));
   }
   assert.equal(stops[0], "Skip to the content");
-  assert.deepEqual(stops.slice(2, 9), ["Fleet", "Objects", "Models", "Jobs", "Sensors", "Keys", "Health"]);
+  assert.deepEqual(stops.slice(2, 12), ["Fleet", "Sessions", "Objects", "Models", "Jobs", "Sensors", "Keys", "Audit", "Snapshots", "Health"]);
   assert.ok(stops.includes("simulated"), `sessions are reached: ${stops}`);
   assert.equal(await page.locator("[aria-live=polite]").count(), 1);
 });
@@ -230,6 +230,7 @@ await step("a calibration shows the dead taxel", async () => {
 const VIEWS = [
   ["fleet", ".fleet-row"],
   [() => `sessions/${session}`, ".explain"],
+  ["sessions", "tbody tr"],
   ["objects", ".card"],
   ["objects/gear", "img.heatmap"],
   ["models", "tbody tr"],
@@ -238,6 +239,8 @@ const VIEWS = [
   ["sensors", "tbody tr"],
   ["sensors/finger", ".taxel"],
   ["keys", ".note-empty"],
+  ["audit", "tbody tr"],
+  ["snapshots", "pre"],
   ["health", ".stat"],
 ];
 

@@ -148,6 +148,31 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/catalogues/{name}/aliases/{alias}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        /**
+         * Let an alias name a version
+         * @description Sessions can be opened with `alias` in place of a version; they keep the version that it names
+         *     then. `current` is set by `PUT …/current`. A version with an alias cannot be deleted.
+         */
+        put: operations["set_alias"];
+        post?: never;
+        /**
+         * Remove an alias
+         * @description The version that it named stays, and so do sessions that were opened with it.
+         */
+        delete: operations["remove_alias"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/catalogues/{name}/calibrations": {
         parameters: {
             query?: never;
@@ -191,6 +216,26 @@ export interface paths {
          *     carries the `ETag` of the current version, so that of two concurrent switches only one succeeds.
          */
         put: operations["set_current"];
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/catalogues/{name}/labels": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        /**
+         * Set a catalogue's labels
+         * @description Replaces all labels. `GET /v1/catalogues?labels=…` searches for them.
+         */
+        put: operations["set_catalogue_labels"];
         post?: never;
         delete?: never;
         options?: never;
@@ -402,6 +447,29 @@ export interface paths {
         get: operations["get_appearance_report"];
         put?: never;
         post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/catalogues/{name}/versions/{version}/shadow": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Compare a version with the current one
+         * @description Replays ended sessions by the version and by another one, the current one by default, before it
+         *     becomes current: what each would have answered, after how many touches, in which time, and which
+         *     sessions would have ended otherwise. Returns a job at once; its `shadow_report` is the result.
+         *     Nothing else changes.
+         */
+        post: operations["shadow_version"];
         delete?: never;
         options?: never;
         head?: never;
@@ -708,6 +776,26 @@ export interface paths {
         patch: operations["update_object"];
         trace?: never;
     };
+    "/v1/objects/{object}/labels": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        /**
+         * Set an object's labels
+         * @description Replaces all labels. `GET /v1/objects?labels=…` searches for them.
+         */
+        put: operations["set_object_labels"];
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/objects/{object}/mesh": {
         parameters: {
             query?: never;
@@ -752,6 +840,27 @@ export interface paths {
          *     from its mesh.
          */
         post: operations["add_object_readings"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/objects/{object}/thumbnail.png": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get a small picture of an object
+         * @description A picture of 256 × 256 pixels of the object's mesh on a transparent ground, made when the mesh
+         *     was uploaded. 404 if the object has no mesh.
+         */
+        get: operations["get_thumbnail"];
+        put?: never;
+        post?: never;
         delete?: never;
         options?: never;
         head?: never;
@@ -987,6 +1096,27 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/sensors/{sensor}/labels": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        /**
+         * Set a sensor's labels
+         * @description Replaces all labels; everything else of a sensor is immutable. `GET /v1/sensors?labels=…`
+         *     searches for them.
+         */
+        put: operations["set_sensor_labels"];
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/sensors/{sensor}/passport": {
         parameters: {
             query?: never;
@@ -1015,7 +1145,10 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** List the sessions */
+        /**
+         * List the sessions
+         * @description Lists open and ended sessions, as the parameters ask, in the order of their creation.
+         */
         get: operations["list_sessions"];
         put?: never;
         /**
@@ -1133,6 +1266,26 @@ export interface paths {
          */
         get: operations["explain_session"];
         put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/sessions/{session}/labels": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        /**
+         * Set a session's labels
+         * @description Replaces all labels, also of an ended session. `GET /v1/sessions?labels=…` searches for them.
+         */
+        put: operations["set_session_labels"];
         post?: never;
         delete?: never;
         options?: never;
@@ -1726,6 +1879,9 @@ export interface components {
          * @enum {string}
          */
         AxisUnit: "m" | "rad";
+        BTreeMap: {
+            [key: string]: string;
+        };
         /** @description Belief about a session's object: its identity and pose, with their uncertainty. */
         Belief: {
             /**
@@ -1847,9 +2003,15 @@ export interface components {
         };
         /** @description A catalogue: a named series of trained versions, one of which new sessions use. */
         Catalogue: {
+            /** @description Names of further versions, such as `candidate`, and the versions that they name. */
+            aliases?: {
+                [key: string]: number;
+            };
             current?: components["schemas"]["CurrentVersion"] | null;
             /** @description Past and present current versions, newest first; at most 100 entries. */
             history: components["schemas"]["CurrentVersion"][];
+            /** @description Its labels. */
+            labels?: components["schemas"]["BTreeMap"];
             /**
              * Format: int32
              * @description Number of the newest version; 0 if there is none.
@@ -2247,6 +2409,8 @@ export interface components {
         CreateObject: {
             /** @description Description for people; the service ignores it. */
             description?: string;
+            /** @description Labels for searches: at most 16, as `PUT …/labels` describes them. */
+            labels?: components["schemas"]["BTreeMap"];
             /**
              * @description Unique name: 1 to 64 letters, digits, `.`, `_` or `-`.
              * @example mug
@@ -2258,6 +2422,8 @@ export interface components {
             coupling?: components["schemas"]["Coupling"] | null;
             description?: components["schemas"]["DescribeSensor"] | null;
             image_order?: components["schemas"]["ImageOrder"] | null;
+            /** @description Labels for searches: at most 16, as `PUT …/labels` describes them. */
+            labels?: components["schemas"]["BTreeMap"];
             /**
              * @description Unique name: 1 to 64 letters, digits, `.`, `_` or `-`.
              * @example left-finger
@@ -2271,6 +2437,11 @@ export interface components {
          *     `appearance…`.
          */
         CreateSession: {
+            /**
+             * @description Alias of a version, such as `candidate`: the session keeps the version that it names now.
+             *     Excludes `version`.
+             */
+            alias?: string | null;
             /**
              * @description Number of bins per object along x, y and the rotation, each 2 to 200, at most 100000 in
              *     total; only for `geometric_histogram`. Default: 25, 25, 16.
@@ -2292,6 +2463,8 @@ export interface components {
              * @example base_link
              */
             frame_id?: string | null;
+            /** @description Labels for searches: at most 16, as `PUT …/labels` describes them. */
+            labels?: components["schemas"]["BTreeMap"];
             method?: components["schemas"]["Method"] | null;
             object_moves?: components["schemas"]["Looseness"] | null;
             /**
@@ -2622,9 +2795,6 @@ export interface components {
              * @description When the newest reading arrived, by the server's clock; null if there is none.
              */
             last_reading_at?: string | null;
-            latest?: components["schemas"]["TracePoint"] | null;
-            /** @description The robots that sent the session's 64 newest readings, sorted by name. */
-            robots: string[];
             /** @description The session. */
             session: components["schemas"]["Session"];
             /** @description With `?trace=true` the newest beliefs, at most 24, oldest first; else empty. */
@@ -2723,7 +2893,7 @@ export interface components {
             /** @description Whether the driver sends columns as rows. */
             transposed?: boolean;
         };
-        /** @description A job: a training, or a recalibration. */
+        /** @description A job: a training, a recalibration, or a comparison of two versions. */
         Job: {
             /** @description Name of the catalogue. */
             catalogue: string;
@@ -2755,6 +2925,8 @@ export interface components {
             /** @description Why the job failed or was cancelled; null otherwise. */
             reason?: string | null;
             recalibration?: components["schemas"]["RecalibrateCatalogue"] | null;
+            shadow?: components["schemas"]["ShadowVersion"] | null;
+            shadow_report?: components["schemas"]["ShadowReport"] | null;
             stage?: components["schemas"]["JobStage"] | null;
             /**
              * Format: date-time
@@ -2768,11 +2940,12 @@ export interface components {
              * @description Number of steps in this stage; 0 if unknown.
              */
             total: number;
-            /** @description The training request, with defaults; empty for a recalibration. */
+            /** @description The training request, with defaults; empty for other jobs. */
             training: components["schemas"]["StartTraining"];
             /**
              * Format: int32
-             * @description The version that the job made; null unless it succeeded.
+             * @description The version that the job made; of a comparison the version that was tried. Null unless it
+             *     succeeded.
              */
             version?: number | null;
         };
@@ -2784,7 +2957,7 @@ export interface components {
             next_cursor?: string | null;
         };
         /**
-         * @description Stage of a running training.
+         * @description Stage of a running job.
          * @enum {string}
          */
         JobStage: "sampling" | "vocabulary" | "mapping" | "surface" | "geometric" | "appearance" | "replaying" | "storing";
@@ -3151,6 +3324,8 @@ export interface components {
              * @description The object's id.
              */
             id: string;
+            /** @description Its labels. */
+            labels?: components["schemas"]["BTreeMap"];
             mesh?: components["schemas"]["MeshInfo"] | null;
             /**
              * Format: int32
@@ -3161,7 +3336,7 @@ export interface components {
             name: string;
             /**
              * Format: date-time
-             * @description When the name or description last changed.
+             * @description When the name, the description or the labels last changed.
              */
             updated_at: string;
         };
@@ -4213,6 +4388,8 @@ export interface components {
              * @description The sensor's id.
              */
             id: string;
+            /** @description Its labels. */
+            labels?: components["schemas"]["BTreeMap"];
             layout?: components["schemas"]["Layout"] | null;
             /** @description Unique name of the sensor. */
             name: string;
@@ -4517,6 +4694,9 @@ export interface components {
              * @description The session's id.
              */
             id: string;
+            /** @description Its labels. */
+            labels?: components["schemas"]["BTreeMap"];
+            latest?: components["schemas"]["TracePoint"] | null;
             leased_by?: components["schemas"]["Writer"] | null;
             /**
              * Format: date-time
@@ -4561,6 +4741,8 @@ export interface components {
             seed?: number | null;
             /** @description State of the session. */
             state: components["schemas"]["SessionState"];
+            /** @description The robots that sent the session's 64 newest readings, sorted by name. */
+            touched_by?: string[];
             truth?: components["schemas"]["Truth"] | null;
             /**
              * Format: int32
@@ -4590,7 +4772,7 @@ export interface components {
         SessionEvent: components["schemas"]["BeliefEvent"] | components["schemas"]["ClosedEvent"] | components["schemas"]["DeletedEvent"];
         /** @description A page of sessions. */
         SessionPage: {
-            /** @description The sessions, oldest first. */
+            /** @description The sessions, in the requested order. */
             items: components["schemas"]["Session"][];
             /** @description The cursor of the next page; null on the last. */
             next_cursor?: string | null;
@@ -4660,6 +4842,14 @@ export interface components {
          * @enum {string}
          */
         SessionState: "open" | "closed";
+        /** @description The version that an alias names. */
+        SetAlias: {
+            /**
+             * Format: int32
+             * @description Number of a version of this catalogue.
+             */
+            version: number;
+        };
         /** @description The version to make current. */
         SetCurrent: {
             /**
@@ -4667,6 +4857,152 @@ export interface components {
              * @description Number of a version of this catalogue.
              */
             version: number;
+        };
+        /** @description New labels, which replace all earlier ones. */
+        SetLabels: {
+            /**
+             * @description Keys and their values: at most 16. A key is 1 to 64 letters, digits, `.`, `_`, `/` or `-`, a
+             *     value at most 128 characters without a comma.
+             */
+            labels: components["schemas"]["BTreeMap"];
+        };
+        /** @description An answer at the end of a replay. */
+        ShadowAnswer: {
+            /**
+             * Format: int32
+             * @description Number of touches until the decision; null if there was none.
+             */
+            decided_after?: number | null;
+            /** @description Name of the likeliest object; null for "none of these". */
+            name?: string | null;
+            /**
+             * Format: double
+             * @description Probability of the answer.
+             */
+            probability: number;
+        };
+        /** @description A session with another answer. */
+        ShadowChange: {
+            /**
+             * Format: int32
+             * @description Number of its readings that were replayed.
+             */
+            n_readings: number;
+            /** @description The answer of the version that was tried. */
+            new: components["schemas"]["ShadowAnswer"];
+            /** @description The answer of the version compared with. */
+            old: components["schemas"]["ShadowAnswer"];
+            /**
+             * Format: uuid
+             * @description The session.
+             */
+            session: string;
+            /** @description Name of the true object, or `none of these`; null if it is not known. */
+            truth?: string | null;
+        };
+        /** @description Report of a comparison of two versions on the same sessions. */
+        ShadowReport: {
+            /**
+             * Format: int32
+             * @description The version that it was compared with.
+             */
+            against: number;
+            /** @description Those sessions, newest first; at most 100. */
+            changed: components["schemas"]["ShadowChange"][];
+            /**
+             * Format: int32
+             * @description Number of sessions with another answer at the end.
+             */
+            n_changed: number;
+            /**
+             * Format: int32
+             * @description Number of sessions that could not be replayed, such as those of removed sensors.
+             */
+            n_left_out: number;
+            /**
+             * Format: int32
+             * @description Number of sessions that were replayed by both.
+             */
+            n_sessions: number;
+            /**
+             * Format: int32
+             * @description Number of sessions whose truth is known and says something about both versions.
+             */
+            n_with_truth: number;
+            /** @description What the version that was tried says. */
+            new: components["schemas"]["ShadowSide"];
+            /** @description What the version compared with says. */
+            old: components["schemas"]["ShadowSide"];
+            /**
+             * Format: double
+             * @description Accepted risk at which a session counts as decided.
+             */
+            risk: number;
+            /**
+             * Format: double
+             * @description Duration of the comparison, in seconds.
+             */
+            seconds: number;
+            /**
+             * Format: int32
+             * @description The version that was tried.
+             */
+            version: number;
+        };
+        /**
+         * @description What one version makes of the sessions. The first 16 readings of a session count, up to the first
+         *     `object_moved`.
+         */
+        ShadowSide: {
+            /**
+             * Format: double
+             * @description Share of sessions with a truth whose last answer was right; null without any.
+             */
+            accuracy?: number | null;
+            /**
+             * Format: int32
+             * @description Number of sessions that were decided: at some touch the risk was accepted.
+             */
+            n_decided: number;
+            /**
+             * Format: int32
+             * @description Number of decided sessions with a truth that was not the answer then.
+             */
+            n_decided_wrongly: number;
+            /**
+             * Format: double
+             * @description Mean time to fold in a touch, in milliseconds, when nothing else runs in the job.
+             */
+            touch_ms: number;
+            /**
+             * Format: double
+             * @description Mean number of touches until the decision; null without any.
+             */
+            touches?: number | null;
+            /**
+             * Format: double
+             * @description Mean probability of "none of these" at the end.
+             */
+            unknown: number;
+        };
+        /** @description Request to replay ended sessions by a version that is not in use, next to another one. */
+        ShadowVersion: {
+            /**
+             * Format: int32
+             * @description Version to compare with. Default: the current one.
+             */
+            against?: number | null;
+            /**
+             * Format: double
+             * @description Accepted risk of a wrong answer, 0.0001 to 0.5, at which a session counts as decided. A
+             *     session's own `risk` does not count. Default: 0.05.
+             */
+            risk?: number | null;
+            /**
+             * @description Sessions to replay: ended ones of this catalogue with the method `surface` and a reading.
+             *     Default: the newest 100 of them.
+             */
+            sessions?: string[] | null;
         };
         /** @description An object that the training skipped. */
         SkippedObject: {
@@ -5834,6 +6170,12 @@ export interface operations {
                 limit?: number;
                 /** @description The `next_cursor` of the previous page, passed back unchanged. */
                 cursor?: string;
+                /**
+                 * @description Only things with all these labels: `key` or `key:value`, separated by commas. A page looks at
+                 *     10,000 things at most, so it may be short and still have a `next_cursor`.
+                 * @example site:oslo,shift
+                 */
+                labels?: string;
             };
             header?: never;
             path?: never;
@@ -6071,6 +6413,269 @@ export interface operations {
             };
             /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
+            429: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal error, or the stored data is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
+            503: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The disk is full: nothing was stored */
+            507: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    set_alias: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The catalogue's name */
+                name: string;
+                /** @description The alias, such as `candidate` */
+                alias: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["SetAlias"];
+            };
+        };
+        responses: {
+            /** @description The catalogue */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Catalogue"];
+                };
+            };
+            /** @description The body cannot be read */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The API key is missing or not valid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the required roles: trainer, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Nothing has this id or name */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The body did not arrive in time */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The content type is not one of those expected */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A value is invalid; `errors` names it */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *       "errors": [
+                     *         {
+                     *           "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *           "pointer": "/readings/0/pose/orientation"
+                     *         }
+                     *       ],
+                     *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 422,
+                     *       "title": "Invalid value",
+                     *       "type": "urn:palpate:problem:invalid-value"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
+            429: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal error, or the stored data is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
+            503: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The disk is full: nothing was stored */
+            507: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    remove_alias: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The catalogue's name */
+                name: string;
+                /** @description The alias */
+                alias: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Deleted */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description The API key is missing or not valid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the required roles: trainer, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Nothing has this id or name */
+            404: {
                 headers: {
                     [name: string]: unknown;
                 };
@@ -6535,6 +7140,169 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
+            429: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal error, or the stored data is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
+            503: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The disk is full: nothing was stored */
+            507: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    set_catalogue_labels: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The catalogue's name */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["SetLabels"];
+            };
+        };
+        responses: {
+            /** @description The catalogue */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Catalogue"];
+                };
+            };
+            /** @description The body cannot be read */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The API key is missing or not valid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the required roles: trainer, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Nothing has this id or name */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The body did not arrive in time */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The content type is not one of those expected */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A value is invalid; `errors` names it */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *       "errors": [
+                     *         {
+                     *           "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *           "pointer": "/readings/0/pose/orientation"
+                     *         }
+                     *       ],
+                     *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 422,
+                     *       "title": "Invalid value",
+                     *       "type": "urn:palpate:problem:invalid-value"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7985,6 +8753,182 @@ export interface operations {
                     "RateLimit-Policy"?: string;
                     /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    shadow_version: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The catalogue's name */
+                name: string;
+                /** @description The version to try */
+                version: number;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["ShadowVersion"];
+            };
+        };
+        responses: {
+            /** @description The job that compares them */
+            202: {
+                headers: {
+                    /** @description The path of the new resource */
+                    location?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Job"];
+                };
+            };
+            /** @description The body cannot be read */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The API key is missing or not valid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the required roles: trainer, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Nothing has this id or name */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The body did not arrive in time */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The request conflicts with the current state, or its name or number is taken */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The content type is not one of those expected */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A value is invalid; `errors` names it */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *       "errors": [
+                     *         {
+                     *           "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *           "pointer": "/readings/0/pose/orientation"
+                     *         }
+                     *       ],
+                     *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 422,
+                     *       "title": "Invalid value",
+                     *       "type": "urn:palpate:problem:invalid-value"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
+            429: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal error, or the stored data is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
+            503: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The disk is full: nothing was stored */
+            507: {
+                headers: {
                     [name: string]: unknown;
                 };
                 content: {
@@ -9736,6 +10680,12 @@ export interface operations {
                 limit?: number;
                 /** @description The `next_cursor` of the previous page, passed back unchanged. */
                 cursor?: string;
+                /**
+                 * @description Only things with all these labels: `key` or `key:value`, separated by commas. A page looks at
+                 *     10,000 things at most, so it may be short and still have a `next_cursor`.
+                 * @example site:oslo,shift
+                 */
+                labels?: string;
             };
             header?: never;
             path?: never;
@@ -10264,6 +11214,169 @@ export interface operations {
             };
             /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The content type is not one of those expected */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A value is invalid; `errors` names it */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *       "errors": [
+                     *         {
+                     *           "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *           "pointer": "/readings/0/pose/orientation"
+                     *         }
+                     *       ],
+                     *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 422,
+                     *       "title": "Invalid value",
+                     *       "type": "urn:palpate:problem:invalid-value"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
+            429: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal error, or the stored data is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
+            503: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The disk is full: nothing was stored */
+            507: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    set_object_labels: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The object's id or name */
+                object: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["SetLabels"];
+            };
+        };
+        responses: {
+            /** @description The object */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ObjectInfo"];
+                };
+            };
+            /** @description The body cannot be read */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The API key is missing or not valid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the required roles: trainer, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Nothing has this id or name */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The body did not arrive in time */
+            408: {
                 headers: {
                     [name: string]: unknown;
                 };
@@ -10916,6 +12029,104 @@ export interface operations {
             };
         };
     };
+    get_thumbnail: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The object's id or name */
+                object: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The picture */
+            200: {
+                headers: {
+                    /** @description The mesh's tag */
+                    etag?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "image/png": components["schemas"]["MeshFile"];
+                };
+            };
+            /** @description Not modified: the client has the newest belief */
+            304: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description The API key is missing or not valid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the required roles: trainer, viewer, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Nothing has this id or name */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
+            429: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal error, or the stored data is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
+            503: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
     list_reference_bodies: {
         parameters: {
             query?: never;
@@ -11464,6 +12675,12 @@ export interface operations {
                 limit?: number;
                 /** @description The `next_cursor` of the previous page, passed back unchanged. */
                 cursor?: string;
+                /**
+                 * @description Only things with all these labels: `key` or `key:value`, separated by commas. A page looks at
+                 *     10,000 things at most, so it may be short and still have a `next_cursor`.
+                 * @example site:oslo,shift
+                 */
+                labels?: string;
             };
             header?: never;
             path?: never;
@@ -12658,6 +13875,169 @@ export interface operations {
             };
         };
     };
+    set_sensor_labels: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The sensor's id or name */
+                sensor: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["SetLabels"];
+            };
+        };
+        responses: {
+            /** @description The sensor */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Sensor"];
+                };
+            };
+            /** @description The body cannot be read */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The API key is missing or not valid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the required roles: trainer, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Nothing has this id or name */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The body did not arrive in time */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The content type is not one of those expected */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A value is invalid; `errors` names it */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *       "errors": [
+                     *         {
+                     *           "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *           "pointer": "/readings/0/pose/orientation"
+                     *         }
+                     *       ],
+                     *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 422,
+                     *       "title": "Invalid value",
+                     *       "type": "urn:palpate:problem:invalid-value"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
+            429: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal error, or the stored data is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
+            503: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The disk is full: nothing was stored */
+            507: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
     get_passport: {
         parameters: {
             query?: {
@@ -12784,6 +14164,35 @@ export interface operations {
                 cursor?: string;
                 /** @description Only sessions in this state. */
                 state?: "open" | "closed";
+                /** @description Order of the list. Default: `oldest`. */
+                order?: "oldest" | "newest";
+                /** @description Only sessions of this catalogue. */
+                catalogue?: string;
+                /** @description Only sessions of this method. */
+                method?: "surface" | "sva" | "sva_literal" | "geometric" | "geometric_histogram" | "geometric_particles" | "appearance" | "appearance_literal";
+                /** @description Only sessions of this robot: one of `touched_by`. */
+                robot?: string;
+                /**
+                 * @description Only sessions whose true object, or without a truth the likeliest answer of `latest`, has this
+                 *     id or name.
+                 */
+                object?: string;
+                /**
+                 * @description Only sessions whose truth, or without one whose likeliest answer, is (true) or is not (false)
+                 *     "none of these".
+                 */
+                none_of_these?: boolean;
+                /** @description Only sessions with a truth (true) or without one (false). */
+                with_truth?: boolean;
+                /** @description Only sessions created at this time or later. */
+                since?: string;
+                /** @description Only sessions created before this time. */
+                until?: string;
+                /**
+                 * @description Only sessions with all these labels: `key` or `key:value`, separated by commas.
+                 * @example site:oslo,shift
+                 */
+                labels?: string;
             };
             header?: never;
             path?: never;
@@ -12791,7 +14200,7 @@ export interface operations {
         };
         requestBody?: never;
         responses: {
-            /** @description A page of sessions, oldest first */
+            /** @description A page of sessions */
             200: {
                 headers: {
                     [name: string]: unknown;
@@ -13756,6 +15165,169 @@ export interface operations {
                     "RateLimit-Policy"?: string;
                     /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    set_session_labels: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The session's id */
+                session: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["SetLabels"];
+            };
+        };
+        responses: {
+            /** @description The session */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Session"];
+                };
+            };
+            /** @description The body cannot be read */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The API key is missing or not valid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the required roles: robot, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Nothing has this id or name */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The body did not arrive in time */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The content type is not one of those expected */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A value is invalid; `errors` names it */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *       "errors": [
+                     *         {
+                     *           "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *           "pointer": "/readings/0/pose/orientation"
+                     *         }
+                     *       ],
+                     *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 422,
+                     *       "title": "Invalid value",
+                     *       "type": "urn:palpate:problem:invalid-value"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
+            429: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal error, or the stored data is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
+            503: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The disk is full: nothing was stored */
+            507: {
+                headers: {
                     [name: string]: unknown;
                 };
                 content: {

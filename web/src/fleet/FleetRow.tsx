@@ -16,11 +16,12 @@ export function FleetRow(props: {
   const { session } = info;
   const { level, reason, is_needed, muted_until } = info.attention;
   const isSeen = !is_needed && (level === "surprising" || level === "stuck");
-  const robots = info.robots.length > 0 ? info.robots.join(", ") : "no robot yet";
+  const touchedBy = info.session.touched_by ?? [];
+  const robots = touchedBy.length > 0 ? touchedBy.join(", ") : "no robot yet";
   const entropy = trace.at(-1)?.entropyBits;
   const first = trace[0]?.entropyBits;
   // Only the first page is followed live; other rows show the listed belief.
-  const { latest } = info;
+  const { latest } = info.session;
   const shown = belief ?? (latest && { objects: latest.best ? [latest.best] : [], unknown: latest.unknown });
   const nReadings = belief?.n_readings ?? session.n_readings;
   return (

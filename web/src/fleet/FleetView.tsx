@@ -9,6 +9,7 @@ import { Live } from "../parts/Live";
 import { ViewHead } from "../parts/Panel";
 import { FleetActions } from "./FleetActions";
 import { FleetRow } from "./FleetRow";
+import { canNotify, notifying, toggleNotifying, useNotifications } from "./notify";
 import { fleet, pages, relist, watchFleet } from "./watch";
 import type { Watched } from "./watch";
 
@@ -18,6 +19,7 @@ export function FleetView() {
   const { sessions, nOpen, nNeeded, more, loaded, line, problem } = fleet.value;
   useAnnouncements(sessions);
   useTitle(nNeeded, loaded);
+  useNotifications(sessions);
   const chosen = sessions.map((one) => one.info.session.id).filter((id) => selected.has(id));
   const select = (id: string, isSelected: boolean) => {
     const next = new Set(chosen);
@@ -36,6 +38,11 @@ export function FleetView() {
             : "Open sessions, live"
         }
       >
+        {canNotify && (
+          <button type="button" aria-pressed={notifying.value} onClick={() => void toggleNotifying()}>
+            Notify me
+          </button>
+        )}
         <Live line={sessions.length > 0 ? line : NO_LINE} idle={sessions.length > 0 ? "connecting" : "listening"} />
       </ViewHead>
       {problem && <ProblemNote problem={problem} />}
@@ -104,7 +111,7 @@ function useAnnouncements(sessions: Watched[]): void {
       const before = said.current.get(id);
       said.current.set(id, key);
       if (before === undefined || before === key || (level !== "sure" && level !== "surprising")) continue;
-      const robot = watched.info.robots[0] ?? "A session";
+      const robot = watched.info.session.touched_by?.[0] ?? "A session";
       const words = level === "sure" ? `${last?.best} with ${percent(last?.probability ?? 0)}` : reason;
       announce(`${robot}: ${words}`);
     }

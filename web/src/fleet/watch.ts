@@ -142,7 +142,7 @@ async function everyPage(signal: AbortSignal, withTrace: boolean): Promise<Fleet
 }
 
 function isNew(one: FleetSession): boolean {
-  return one.latest !== null && one.latest !== undefined && find(one.session.id) === undefined;
+  return one.session.latest !== null && one.session.latest !== undefined && find(one.session.id) === undefined;
 }
 
 function find(id: string): Watched | undefined {
@@ -154,7 +154,7 @@ function merge(found: Fleet, clockAhead: number): void {
     const known = find(info.session.id);
     const last = info.last_reading_at;
     const lastReadingAt = last ? Date.parse(last) + clockAhead : undefined;
-    const listed = [...info.trace, ...(info.latest ? [info.latest] : [])].map(shortened);
+    const listed = [...info.trace, ...(info.session.latest ? [info.session.latest] : [])].map(shortened);
     const since = Date.parse(info.attention.since) + clockAhead;
     return { belief: known?.belief, trace: joined(listed, known?.trace ?? []), info, lastReadingAt, since };
   });

@@ -1,4 +1,4 @@
-// Trainings: those in progress and ended ones.
+// Jobs: trainings, recalibrations and comparisons, in progress and ended.
 import { getAll, sendJson } from "../api/http";
 import { useResource } from "../api/resource";
 import type { Job } from "../api/types";
@@ -11,6 +11,7 @@ import { Progress } from "../parts/Progress";
 import { useAction } from "../parts/useAction";
 import { link } from "../router";
 import { may } from "../signin";
+import { jobTitle } from "./JobView";
 
 export function JobsView() {
   const jobs = useResource("jobs", (signal) => getAll<Job>("/v1/jobs", 5000, signal), 5000);
@@ -45,7 +46,7 @@ function Running({ job: started, onEnd }: { job: Job; onEnd: () => void }) {
   const action = useAction();
   return (
     <Panel
-      title={`Training ${job.catalogue}`}
+      title={jobTitle(job)}
       aside={
         may("trainer", "admin") && (
           <button type="button" class="small" disabled={action.busy} onClick={() => action.run(async () => void (await sendJson("POST", `/v1/jobs/${job.id}/cancel`)))}>
@@ -68,7 +69,8 @@ function Ended({ jobs }: { jobs: Job[] }) {
           <thead>
             <tr>
               <th scope="col">Requested</th>
-              <th scope="col">Catalogue</th>
+              <th scope="col">Job</th>
+              <th scope="col">Version</th>
               <th scope="col">Outcome</th>
               <th scope="col" class="num">Duration</th>
               <th scope="col">Reason</th>
@@ -77,9 +79,10 @@ function Ended({ jobs }: { jobs: Job[] }) {
           <tbody>
             {jobs.map((job) => (
               <tr key={job.id}>
-                <th scope="row">{when(job.created_at)}</th>
+                <th scope="row"><a href={link("jobs", job.id)}>{when(job.created_at)}</a></th>
+                <td>{jobTitle(job)}</td>
                 <td>
-                  {typeof job.version === "number" ? <a href={link("models", job.catalogue, job.version)}>{job.catalogue} version {job.version}</a> : job.catalogue}
+                  {typeof job.version === "number" ? <a href={link("models", job.catalogue, job.version)}>Version {job.version}</a> : "–"}
                 </td>
                 <td><Badge kind={job.state}>{job.state}</Badge></td>
                 <td class="num">{job.started_at && job.finished_at ? duration((Date.parse(job.finished_at) - Date.parse(job.started_at)) / 1000) : "–"}</td>

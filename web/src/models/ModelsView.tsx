@@ -1,14 +1,17 @@
 // Catalogues and their versions, and the switch of the current version.
 import { getAll, getJson, sendJson } from "../api/http";
 import { useResource } from "../api/resource";
-import type { Catalogue, CatalogueVersion } from "../api/types";
+import type { Catalogue, CatalogueVersion, Job } from "../api/types";
 import { count, plural, when } from "../format";
 import { TrainCommands } from "../parts/Commands";
 import { Empty, ProblemNote, Show } from "../parts/Notes";
 import { Badge, Panel, ViewHead } from "../parts/Panel";
 import { useAction } from "../parts/useAction";
-import { link } from "../router";
+import { go, link } from "../router";
 import { may } from "../signin";
+
+/** The alias of a version that may become current. */
+const CANDIDATE = "candidate";
 
 export function ModelsView() {
   const catalogues = useResource("catalogues", (signal) => getAll<Catalogue>("/v1/catalogues", 1000, signal));
@@ -46,6 +49,16 @@ function Versions({ catalogue, reload }: { catalogue: Catalogue; reload: () => v
       reload();
       versions.reload();
     });
+  const nameIt = (alias: string, version: number) =>
+    action.run(async () => {
+      await sendJson("PUT", `${path}/aliases/${encodeURIComponent(alias)}`, { version });
+      reload();
+    });
+  const compare = (version: number) =>
+    action.run(async () => {
+      const job = await sendJson<Job>("POST", `${path}/versions/${version}/shadow`, {});
+      go("jobs", job.id);
+    });
   return (
     <Panel
       title={catalogue.name}
@@ -70,7 +83,7 @@ function Versions({ catalogue, reload }: { catalogue: Catalogue; reload: () => v
                 </thead>
                 <tbody>
                   {[...found].reverse().map((version) => (
-                    <Row key={version.version} version={version} isCurrent={catalogue.current?.version === version.version} busy={action.busy} use={use} />
+                    <Row key={version.version} version={version} current={catalogue.current?.version} aliases={aliasesOf(catalogue, version.version)} busy={action.busy} use={use} compare={compare} nameIt={nameIt} />
                   ))}
                 </tbody>
               </table>
@@ -82,8 +95,18 @@ function Versions({ catalogue, reload }: { catalogue: Catalogue; reload: () => v
   );
 }
 
-function Row(props: { version: CatalogueVersion; isCurrent: boolean; busy: boolean; use: (version: number) => void }) {
-  const { version, isCurrent, busy, use } = props;
+interface RowProps {
+  version: CatalogueVersion;
+  current: number | undefined;
+  aliases: string[];
+  busy: boolean;
+  use: (version: number) => void;
+  compare: (version: number) => void;
+  nameIt: (alias: string, version: number) => void;
+}
+
+function Row({ version, current, aliases, busy, use, compare, nameIt }: RowProps) {
+  const isCurrent = version.version === current;
   const { report } = version;
   const names = report.objects.map((object) => object.name);
   const learnt = [
@@ -101,16 +124,33 @@ function Row(props: { version: CatalogueVersion; isCurrent: boolean; busy: boole
       <td>{plural(names.length, "object")} <span class="faint wide-only">{names.slice(0, 6).join(", ")}{names.length > 6 ? " …" : ""}</span></td>
       <td>{learnt.join(", ")}{version.merged_from.length > 0 && " · merged"}</td>
       <td class="row-end">
+        {aliases.map((alias) => <Badge key={alias} kind="label">{alias}</Badge>)}
         {version.damage ? <Badge kind="bad">damaged</Badge> : isCurrent ? <Badge kind="current">current</Badge> : (
           may("trainer", "admin") && (
-            <button type="button" class="small" disabled={busy} onClick={() => use(version.version)} aria-label={`Use version ${count(version.version)}`}>
-              Use
-            </button>
+            <>
+              {current !== undefined && (report.surface_bytes ?? 0) > 0 && (
+                <button type="button" class="small" disabled={busy} onClick={() => compare(version.version)} title="Replay recorded sessions by this version and by the current one">
+                  Compare
+                </button>
+              )}
+              {!aliases.includes(CANDIDATE) && (
+                <button type="button" class="small" disabled={busy} onClick={() => nameIt(CANDIDATE, version.version)} title="Sessions can be opened with the alias candidate">
+                  Make candidate
+                </button>
+              )}
+              <button type="button" class="small" disabled={busy} onClick={() => use(version.version)} aria-label={`Use version ${count(version.version)}`}>
+                Use
+              </button>
+            </>
           )
         )}
       </td>
     </tr>
   );
+}
+
+function aliasesOf(catalogue: Catalogue, version: number): string[] {
+  return Object.entries(catalogue.aliases ?? {}).filter(([, named]) => named === version).map(([alias]) => alias);
 }
 
 async function currentTag(path: string): Promise<string> {

@@ -1,20 +1,19 @@
-// One object of the gallery, with a picture of its mesh drawn when it scrolls into view.
+// One object of the gallery, with the small picture that the server made of its mesh.
 import { useEffect, useRef, useState } from "preact/hooks";
+import { ask } from "../api/http";
 import type { ObjectInfo } from "../api/types";
 import { objectColor } from "../colors";
-import { bytes, dark, plural } from "../format";
+import { bytes, plural } from "../format";
 import { link } from "../router";
-import { loadScene } from "../scene/load";
-import { meshOf } from "../session/shapes";
 
-/** Larger meshes have no picture in the gallery. */
-const PICTURE_BYTES_MAX = 12e6;
+/** How far outside the window pictures are kept. */
+const MARGIN = "600px";
 
 export function ObjectCard({ object }: { object: ObjectInfo }) {
   const { mesh } = object;
   return (
     <li class="card">
-      {mesh && mesh.bytes <= PICTURE_BYTES_MAX ? <Picture object={object} /> : <div class="no-picture">{mesh ? "large mesh" : "no mesh"}</div>}
+      {mesh ? <Picture object={object} hash={mesh.hash} /> : <div class="no-picture">no mesh</div>}
       <div class="card-text">
         <span class="key"><span class="dot" style={{ background: objectColor(object.name) }} aria-hidden="true" /><a href={link("objects", object.name)}>{object.name}</a></span>
         <span class="faint">
@@ -26,31 +25,36 @@ export function ObjectCard({ object }: { object: ObjectInfo }) {
   );
 }
 
-function Picture({ object }: { object: ObjectInfo }) {
-  const canvas = useRef<HTMLCanvasElement>(null);
-  const [seen, setSeen] = useState(false);
-  const isDark = dark.value;
+/** Loaded when the card comes near the window, and dropped when it is far. */
+function Picture({ object, hash }: { object: ObjectInfo; hash: string }) {
+  const box = useRef<HTMLDivElement>(null);
+  const [near, setNear] = useState(false);
+  const [url, setUrl] = useState<string>();
   useEffect(() => {
-    const watch = new IntersectionObserver((entries) => {
-      if (entries.some((entry) => entry.isIntersecting)) setSeen(true);
-    });
-    if (canvas.current) watch.observe(canvas.current);
+    const watch = new IntersectionObserver((entries) => setNear(entries.at(-1)?.isIntersecting ?? false), { rootMargin: MARGIN });
+    if (box.current) watch.observe(box.current);
     return () => watch.disconnect();
   }, []);
   useEffect(() => {
-    if (!seen) return;
-    let gone = false;
-    const draw = async () => {
-      const shape = await meshOf(object, [0, 0, 0], `picture/${object.mesh!.hash}/${object.mesh!.unit}`);
-      const { picture } = await loadScene();
-      if (!gone && canvas.current) picture(shape, canvas.current);
-    };
-    draw().catch(() => {
-      // A card without a picture still links to the object.
-    });
+    if (!near) return;
+    const abort = new AbortController();
+    let made: string | undefined;
+    // A link would carry no key.
+    ask(`/v1/objects/${object.id}/thumbnail.png`, { signal: abort.signal })
+      .then((answer) => answer.blob())
+      .then((blob) => {
+        if (abort.signal.aborted) return;
+        made = URL.createObjectURL(blob);
+        setUrl(made);
+      })
+      .catch(() => {
+        // A card without a picture still links to the object.
+      });
     return () => {
-      gone = true;
+      abort.abort();
+      if (made !== undefined) URL.revokeObjectURL(made);
+      setUrl(undefined);
     };
-  }, [seen, isDark, object.mesh?.hash]);
-  return <canvas ref={canvas} width="480" height="360" aria-hidden="true" />;
+  }, [near, hash, object.id]);
+  return <div ref={box} class="picture">{url && <img src={url} alt="" width="256" height="256" />}</div>;
 }

@@ -70,7 +70,7 @@ export function ExplainPanel({ model, selected, select }: Props) {
                     <td class="num">{typeof one.misfit?.height_m === "number" ? mm(one.misfit.height_m) : "–"}</td>
                     <td class="row-end">
                       {one.disagrees && <Badge kind="disagrees">disagrees</Badge>}
-                      {one.disagrees && isOpen && model.at.value === null && (
+                      {(one.disagrees || one.number === selected) && isOpen && model.at.value === null && (
                         <button type="button" class="small danger" disabled={action.busy} onClick={() => action.run(() => model.withdraw(one.number))}>
                           Retract
                         </button>

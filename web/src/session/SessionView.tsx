@@ -9,7 +9,10 @@ import { useAction } from "../parts/useAction";
 import { link } from "../router";
 import { may } from "../signin";
 import { BeliefPanel } from "./BeliefPanel";
+import { CloseDialog } from "./CloseDialog";
 import { ExplainPanel } from "./ExplainPanel";
+import { exportSession } from "./export";
+import { LabelsPanel } from "./LabelsPanel";
 import { SessionModel } from "./model";
 import { NextTouchPanel, useNextTouches } from "./NextTouch";
 import { PosteriorPanel } from "./PosteriorPanel";
@@ -17,8 +20,9 @@ import { ReplayPanel } from "./ReplayPanel";
 import { ScenePanel } from "./ScenePanel";
 import { StripPanel } from "./StripPanel";
 
-export function SessionView({ id }: { id: string }) {
-  const model = useMemo(() => new SessionModel(id), [id]);
+export function SessionView({ id, at }: { id: string; at: number | null }) {
+  const model = useMemo(() => new SessionModel(id, at), [id]);
+  const [closing, setClosing] = useState(false);
   const [selected, select] = useState<number>();
   const action = useAction();
   useEffect(() => {
@@ -26,6 +30,7 @@ export function SessionView({ id }: { id: string }) {
     return () => model.stop();
   }, [model]);
   useBeliefAnnouncements(model);
+  useLinkToMoment(model);
   const next = useNextTouches(model);
   const session = model.session.value;
   if (session === undefined) {
@@ -53,15 +58,18 @@ export function SessionView({ id }: { id: string }) {
       >
         {session.state === "closed" ? <span class="live">closed</span> : <Live line={model.line.value} />}
         <Badge kind={session.state}>{plural(model.newest.value?.n_readings ?? session.n_readings, "reading")}</Badge>
-        {session.state === "open" && may("robot", "admin") && (
-          <button type="button" disabled={action.busy} onClick={() => action.run(() => model.close())}>
-            Close session
+        <button type="button" disabled={action.busy} onClick={() => action.run(() => exportSession(id, "json"))}>Save as JSON</button>
+        <button type="button" disabled={action.busy} onClick={() => action.run(() => exportSession(id, "csv"))}>Save as CSV</button>
+        {may("robot", "admin") && (session.state === "open" || !session.truth) && (
+          <button type="button" onClick={() => setClosing(true)}>
+            {session.state === "open" ? "Close session …" : "It was …"}
           </button>
         )}
       </ViewHead>
       {model.deleted.value && <Empty title="This session has been deleted" />}
       {model.problem.value && <ProblemNote problem={model.problem.value} />}
       {action.problem && <ProblemNote problem={action.problem} />}
+      {closing && <CloseDialog model={model} onClose={() => setClosing(false)} />}
       <div class="session">
         <div class="stack">
           <ScenePanel model={model} selected={selected} next={next.shown} />
@@ -73,10 +81,20 @@ export function SessionView({ id }: { id: string }) {
           <BeliefPanel model={model} />
           <PosteriorPanel model={model} />
           <NextTouchPanel next={next} />
+          <LabelsPanel model={model} />
         </div>
       </div>
     </>
   );
+}
+
+/** Keeps the address of the page a link to the shown revision. */
+function useLinkToMoment(model: SessionModel): void {
+  const at = model.at.value;
+  const isLoaded = model.session.value !== undefined;
+  useEffect(() => {
+    if (isLoaded) history.replaceState(null, "", at === null ? link("sessions", model.id) : link("sessions", model.id, "at", at));
+  }, [at, isLoaded]);
 }
 
 /** Announces when the likeliest object changes or becomes sure. */

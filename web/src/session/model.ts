@@ -1,10 +1,10 @@
 // State of a session's page: live belief, history, readings, and the shown revision.
 import { computed, signal } from "@preact/signals";
 import { follow } from "../api/events";
-import { ask, getAll, getJson, ProblemError } from "../api/http";
+import { ask, getAll, getJson, ProblemError, sendJson } from "../api/http";
 import { NO_LINE, type Line } from "../api/pulse";
 import { persist, problemFrom } from "../api/resource";
-import type { Belief, BestObject, CatalogueVersion, Explanation, Problem, ReadingContribution, Replay, Sensor, Session, SessionEvent, SessionReading } from "../api/types";
+import type { Belief, BestObject, CatalogueVersion, CloseSession, Explanation, Problem, ReadingContribution, Replay, Sensor, Session, SessionEvent, SessionReading } from "../api/types";
 
 /** The answer at a revision, and the change that made it. */
 export interface Step {
@@ -82,7 +82,8 @@ export class SessionModel {
   private explainTimer: ReturnType<typeof setTimeout> | undefined;
   private listTimer: ReturnType<typeof setTimeout> | undefined;
 
-  constructor(readonly id: string) {}
+  /** Begins at a revision, or with null at the newest. */
+  constructor(readonly id: string, private readonly from: number | null = null) {}
 
   private get path(): string {
     return `/v1/sessions/${encodeURIComponent(this.id)}`;
@@ -92,7 +93,7 @@ export class SessionModel {
     const { signal: aborted } = this.abort;
     try {
       await this.persist(() => this.load(aborted));
-      await this.show(null);
+      await this.show(this.from);
       await follow(`${this.path}/events`, aborted, (event) => this.take(JSON.parse(event.data) as SessionEvent), (line) => {
         if (line.open && !this.line.value.open) this.listSoon();
         this.line.value = line;
@@ -158,13 +159,13 @@ export class SessionModel {
     await this.show(null);
   }
 
-  async close(): Promise<void> {
-    const closed = await ask(`${this.path}/close`, {
-      method: "POST",
-      headers: { "content-type": "application/json" },
-      body: "{}",
-    });
-    this.session.value = (await closed.json()) as Session;
+  /** Closes the session, or records what its object really was. */
+  async close(truth: CloseSession): Promise<void> {
+    this.session.value = await sendJson<Session>("POST", `${this.path}/close`, truth);
+  }
+
+  async label(labels: Record<string, string>): Promise<void> {
+    this.session.value = await sendJson<Session>("PUT", `${this.path}/labels`, { labels });
   }
 
   private take(event: SessionEvent): boolean {

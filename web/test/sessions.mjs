@@ -1,0 +1,173 @@
+// What has been: sessions searched, compared, labelled, saved and closed with the truth; a version
+// tried on them; the audit log and snapshots. Runs on the servers of `tests/dashboard`, after
+// `dashboard.mjs`.
+import assert from "node:assert/strict";
+import { execFileSync } from "node:child_process";
+import { readFileSync } from "node:fs";
+import { checkAxe, checkWidth, open } from "./browser.mjs";
+
+const { PALPATE, FOLDER, SHOTS, GUARDED, ADMIN_KEY, PALPATE_SERVER: SERVER } = process.env;
+const { browser, page, errors } = await open();
+const json = async (path) => (await fetch(SERVER + path)).json();
+const palpate = (...args) => execFileSync(PALPATE, args.map(String), { stdio: ["ignore", "pipe", "pipe"] }).toString();
+
+async function step(name, work) {
+  const begun = Date.now();
+  await work();
+  assert.deepEqual(errors, [], `errors in the console while: ${name}`);
+  console.log(`   ${name} (${((Date.now() - begun) / 1000).toFixed(1)} s)`);
+}
+
+async function shot(name) {
+  if (SHOTS) await page.screenshot({ path: `${SHOTS}/dashboard-${name}.png`, fullPage: true });
+}
+
+/** Touches a mesh nine times; the id of the session. The answer may be wrong, which is exit 4. */
+function touch(mesh, seed, object = mesh) {
+  const args = ["touch", "--object", object, "--mesh", `${FOLDER}/meshes/${mesh}.stl`, "--readings", 9, "--seed", seed, "--json"];
+  try {
+    return JSON.parse(palpate(...args)).session;
+  } catch (error) {
+    return JSON.parse(error.stdout).session;
+  }
+}
+
+const mug = touch("mug", 21);
+const hammer = touch("hammer", 22);
+const rowOf = (id) => page.locator("tbody tr", { hasText: id.slice(-8) });
+
+await step("sessions are listed newest first and searched", async () => {
+  await page.goto(`${SERVER}/#/sessions`);
+  await rowOf(mug).waitFor();
+  const first = await page.locator("tbody tr").first().textContent();
+  assert.ok(first.includes(hammer.slice(-8)), `the newest is first: ${first}`);
+  const best = (await json(`/v1/sessions/${mug}`)).latest.best.name;
+  await page.getByLabel("Object").selectOption(best);
+  await page.waitForFunction((name) => [...document.querySelectorAll("tbody tr")].every((row) => row.textContent.includes(name)), best);
+  await page.getByLabel("Labels").fill("site=oslo");
+  await page.getByLabel("Labels").press("Enter");
+  await page.getByText("No session fits").waitFor();
+  await page.getByRole("button", { name: "Show all sessions" }).click();
+  await rowOf(hammer).waitFor();
+  await checkAxe(page, "the sessions");
+  await shot("sessions");
+});
+
+await step("two sessions are compared side by side", async () => {
+  for (const id of [mug, hammer]) await page.getByLabel(`Compare session ${id.slice(-8)}`).check();
+  await page.getByRole("button", { name: "Compare two" }).click();
+  await page.getByRole("heading", { name: `Session ${mug.slice(-8)}`, exact: true }).waitFor();
+  await page.getByRole("heading", { name: `Session ${hammer.slice(-8)}`, exact: true }).waitFor();
+  await page.waitForFunction(() => document.querySelectorAll(".panel-posterior canvas").length >= 4);
+  await checkAxe(page, "a comparison of sessions");
+  await shot("compare");
+});
+
+await step("a session is labelled, saved, and linked to at a revision", async () => {
+  await page.goto(`${SERVER}/#/sessions/${mug}`);
+  await page.getByRole("button", { name: "Edit" }).click();
+  await page.getByLabel(/Keys and values/).fill("site=oslo, shift = night");
+  await page.getByRole("button", { name: "Set labels" }).click();
+  await page.getByText("shift=night").waitFor();
+  assert.deepEqual((await json(`/v1/sessions?labels=site:oslo`)).items.map((one) => one.id), [mug]);
+  const saved = async (name) => {
+    const [download] = await Promise.all([page.waitForEvent("download"), page.getByRole("button", { name }).click()]);
+    return readFileSync(await download.path(), "utf8");
+  };
+  const whole = JSON.parse(await saved("Save as JSON"));
+  assert.deepEqual([whole.session.id, whole.readings.length, whole.replay.steps.length], [mug, 9, 9]);
+  const table = await saved("Save as CSV");
+  assert.equal(table.trimEnd(), palpate("sessions", "export", mug, "--format", "csv").trimEnd(), "the command writes the same");
+  await page.getByRole("slider", { name: "Revision" }).focus();
+  await page.keyboard.press("Home");
+  await page.keyboard.press("ArrowRight");
+  await page.keyboard.press("ArrowRight");
+  await page.waitForFunction(() => location.hash.endsWith("/at/2"));
+  await page.reload();
+  await page.getByText("as of revision 2").waitFor();
+});
+
+await step("any reading can be retracted, and the truth told at the end", async () => {
+  await page.goto(`${SERVER}/#/sessions/${mug}`);
+  const contributions = page.getByRole("region", { name: "Contributions of readings" });
+  await contributions.getByRole("button", { name: /^4/ }).click();
+  await contributions.getByRole("button", { name: "Retract" }).first().click();
+  await page.waitForFunction(() => document.querySelector(".replay input").max === "10");
+  assert.equal((await json(`/v1/sessions/${mug}`)).n_retracted, 1);
+  await page.getByRole("button", { name: "Close session …" }).click();
+  await page.getByLabel("It was").selectOption("mug");
+  await checkAxe(page, "closing a session");
+  await page.getByRole("dialog").getByRole("button", { name: "Close session" }).click();
+  await page.getByText("closed", { exact: true }).waitFor();
+  assert.equal((await json(`/v1/sessions/${mug}`)).truth.name, "mug");
+});
+
+await step("a new alarm is notified once, and an old one is not", async () => {
+  await page.context().grantPermissions(["notifications"], { origin: SERVER });
+  await page.addInitScript(() => {
+    window.notified = [];
+    const Recorded = class {
+      constructor(title, options) {
+        window.notified.push({ title, ...options });
+      }
+    };
+    Recorded.permission = "granted";
+    Recorded.requestPermission = async () => "granted";
+    window.Notification = Recorded;
+  });
+  touch("hand", 23, "mug");
+  await page.goto(`${SERVER}/?notify#/fleet`);
+  await page.locator(".fleet-row").first().waitFor();
+  await page.getByRole("button", { name: "Notify me" }).click();
+  const alarmed = touch("hand", 7, "mug");
+  await page.waitForFunction((id) => window.notified.some((one) => one.tag === id), alarmed);
+  await page.waitForTimeout(4000);
+  const tags = await page.evaluate(() => window.notified.map((one) => one.tag));
+  assert.deepEqual(tags, [alarmed]);
+});
+
+await step("a version is tried on what was recorded before it becomes current", async () => {
+  const training = { objects: ["mug", "gear"], readings_per_object: 60, n_classes: 8, activate: false };
+  const body = JSON.stringify(training);
+  const headers = { "content-type": "application/json" };
+  const job = await (await fetch(`${SERVER}/v1/catalogues/default/trainings`, { method: "POST", headers, body })).json();
+  let version;
+  while (typeof version !== "number") {
+    await page.waitForTimeout(500);
+    ({ version } = await json(`/v1/jobs/${job.id}`));
+  }
+  await page.goto(`${SERVER}/#/models`);
+  const row = page.locator("tbody tr", { hasText: `Version ${version}` });
+  await row.getByRole("button", { name: "Make candidate" }).click();
+  await row.getByText("candidate", { exact: true }).waitFor();
+  await row.getByRole("button", { name: "Compare" }).click();
+  await page.getByRole("heading", { name: "Both versions on the same sessions" }).waitFor({ timeout: 90_000 });
+  await page.getByRole("rowheader", { name: "Touches until the decision" }).waitFor();
+  await checkAxe(page, "a comparison of versions");
+  await checkWidth(page, "a comparison of versions");
+  await shot("shadow");
+});
+
+await step("an admin reads the audit log and takes a snapshot", async () => {
+  await page.goto(`${GUARDED}/#/audit`);
+  await page.getByLabel("API key").fill(ADMIN_KEY);
+  await page.keyboard.press("Enter");
+  await page.getByRole("heading", { name: "Audit" }).waitFor();
+  await page.goto(`${GUARDED}/#/snapshots`);
+  const take = page.getByRole("button", { name: "Take a snapshot" });
+  const [download] = await Promise.all([page.waitForEvent("download"), take.click()]);
+  const path = `${FOLDER}/page.snapshot`;
+  await download.saveAs(path);
+  palpate("snapshot", "verify", path);
+  await page.getByRole("region", { name: "Snapshots taken" }).getByRole("rowheader").first().waitFor();
+  await checkAxe(page, "snapshots");
+  await page.goto(`${GUARDED}/#/audit`);
+  await page.getByLabel("Operation").fill("take_snapshot");
+  await page.getByLabel("Operation").press("Enter");
+  await page.waitForFunction(() => [...document.querySelectorAll("tbody tr")].length === 1 && document.querySelector("tbody").textContent.includes("take_snapshot"));
+  await checkAxe(page, "the audit log");
+  await shot("audit");
+});
+
+await browser.close();
+console.log("what has been is found");
