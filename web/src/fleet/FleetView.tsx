@@ -65,7 +65,7 @@ export function FleetView() {
           {more && (
             <p class="faint">
               {sessions.length} of {nOpen} open sessions are shown.{" "}
-              <button type="button" class="small" onClick={() => void (pages.value++, relist())}>
+              <button type="button" class="small" onClick={showMore}>
                 Show more
               </button>
             </p>
@@ -74,6 +74,11 @@ export function FleetView() {
       )}
     </>
   );
+}
+
+function showMore(): void {
+  pages.value += 1;
+  void relist();
 }
 
 /** Shows in the tab's title how many sessions need attention. */

@@ -37,6 +37,7 @@ function Picture({ object }: { object: ObjectInfo }) {
     if (canvas.current) watch.observe(canvas.current);
     return () => watch.disconnect();
   }, []);
+  // biome-ignore lint/correctness/useExhaustiveDependencies: another list of the same objects draws nothing anew
   useEffect(() => {
     if (!seen) return;
     let gone = false;
@@ -52,5 +53,6 @@ function Picture({ object }: { object: ObjectInfo }) {
       gone = true;
     };
   }, [seen, isDark, object.mesh?.hash]);
+  // biome-ignore lint/a11y/noAriaHiddenOnFocusable: a canvas without tabindex takes no focus
   return <canvas ref={canvas} width="480" height="360" aria-hidden="true" />;
 }

@@ -143,7 +143,7 @@ function AboutPanel({ object, version }: { object: ObjectInfo; version: Catalogu
           ["Mesh", object.mesh ? `${object.mesh.format.toUpperCase()} in ${object.mesh.unit}, ${bytes(object.mesh.bytes)}` : "none"],
           ["Robot’s touches", count(object.n_readings)],
           ["Added", when(object.created_at)],
-          ["Trained in", version ? <a href={link("models", version.catalogue, version.version)}>{key(version)}</a> : "no current version"],
+          ["Trained in", version ? <a key="version" href={link("models", version.catalogue, version.version)}>{key(version)}</a> : "no current version"],
           ...(trained
             ? ([
                 ["Touches learnt", count(trained.n_readings)],

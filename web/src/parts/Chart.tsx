@@ -54,6 +54,7 @@ export function Chart(props: Props) {
       plot.current = undefined;
     };
   }, [shape]);
+  // biome-ignore lint/correctness/useExhaustiveDependencies: other properties change no data
   useEffect(() => {
     plot.current?.setData(data(props));
   }, [props.x, props.series]);

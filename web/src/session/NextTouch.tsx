@@ -33,19 +33,24 @@ export function useNextTouches(model: SessionModel): Suggested {
   useEffect(() => {
     if (why !== undefined || sensor === undefined) return;
     const abort = new AbortController();
+    const settle = (found: NextTouches | undefined, failed: Problem | undefined) => {
+      if (abort.signal.aborted) return;
+      setAnswer(found);
+      setProblem(failed);
+    };
     const timer = setTimeout(() => {
       const asked = { sensor, n: N, recenters: true, deadline_ms: DEADLINE_MS };
       const request = () => sendJson<NextTouches>("POST", `/v1/sessions/${model.id}/next-touches`, asked);
       persist(request, abort.signal, setProblem).then(
-        (found) => abort.signal.aborted || (setAnswer(found), setProblem(undefined)),
-        (error: unknown) => abort.signal.aborted || (setAnswer(undefined), setProblem(problemFrom(error))),
+        (found) => settle(found, undefined),
+        (error: unknown) => settle(undefined, problemFrom(error)),
       );
     }, QUIET_MS);
     return () => {
       clearTimeout(timer);
       abort.abort();
     };
-  }, [why, sensor, revision]);
+  }, [model.id, why, sensor, revision]);
   const isCurrent = model.at.value === null && answer?.revision === revision && why === undefined;
   return { why, answer, problem, shown: isCurrent ? answer.touches : NONE };
 }

@@ -87,6 +87,7 @@ function useBeliefAnnouncements(model: SessionModel): void {
   const name = isUnknown ? "none of the known objects" : best?.name;
   const p = isUnknown ? (belief?.unknown ?? 0) : (best?.probability ?? 0);
   const level = p >= 0.95 ? "sure" : p >= 0.5 ? "likely" : "open";
+  // biome-ignore lint/correctness/useExhaustiveDependencies: says the change of an answer, not every reading
   useEffect(() => {
     if (belief === undefined || belief.n_readings === 0 || name === undefined) return;
     announce(`After ${plural(belief.n_readings, "reading")}: ${name}, ${percent(p)}`);
