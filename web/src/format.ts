@@ -15,7 +15,7 @@ darkQuery.addEventListener("change", (event) => {
 });
 
 export function percent(p: number): string {
-  if (p > 0.9995 && p < 1) return ">99.9 %";
+  if (p >= 0.9995 && p < 1) return ">99.9 %";
   if (p > 0 && p < 0.0005) return "<0.1 %";
   return `${(p * 100).toFixed(p >= 0.9995 || p === 0 ? 0 : 1)} %`;
 }

@@ -249,7 +249,8 @@ export class SessionModel {
   }
 }
 
-function stepOf(belief: Belief): Step {
+/** The step that a live belief makes. */
+export function stepOf(belief: Belief): Step {
   return {
     revision: belief.revision,
     nReadings: belief.n_readings,
