@@ -155,6 +155,119 @@ await step("the session explains itself and says where to touch next", async () 
   await shot("session", true);
 });
 
+const VIEW = ".stage canvas[role=img]";
+/** The number of the selected reading, as the strip shows it. */
+const chosen = async () => Number(await page.locator(".strip [aria-current] .key").textContent().then((text) => /\d+/.exec(text)?.[0]));
+
+await step("a touch is selected in the view, the strip and the tables alike", async () => {
+  const canvas = page.locator(VIEW);
+  await canvas.focus();
+  await page.keyboard.press("Escape");
+  await page.getByText("Click a touch to see what it says.").waitFor();
+  await page.keyboard.press("n");
+  assert.equal(await chosen(), 1);
+  await page.keyboard.press("n");
+  assert.equal(await chosen(), 2);
+  await page.keyboard.press("p");
+  assert.equal(await chosen(), 1);
+  await page.locator(".explain .chosen").getByText("1", { exact: false }).first().waitFor();
+  await page.getByText(/^Reading 1: [+−]?[\d.]+ bit, fit/).waitFor();
+  // A touch is where the pointer becomes a hand.
+  const place = await canvas.evaluate((view) => {
+    const { left, top, width, height } = view.getBoundingClientRect();
+    for (let y = top + 40; y < top + height - 40; y += 4) {
+      for (let x = left + 40; x < left + width - 40; x += 4) {
+        view.dispatchEvent(new PointerEvent("pointermove", { clientX: x, clientY: y }));
+        if (view.style.cursor === "pointer") return { x, y };
+      }
+    }
+  });
+  assert.ok(place, "a touch is in view");
+  await page.keyboard.press("Escape");
+  await page.mouse.click(place.x, place.y);
+  const clicked = await chosen();
+  await page.getByText(new RegExp(`^Reading ${clicked}:`)).waitFor();
+  await page.getByText("Touches as a table").click();
+  assert.equal(await page.getByRole("region", { name: "Touches", exact: true }).getByRole("button", { pressed: true }).textContent(), String(clicked));
+  await page.getByText("Touches as a table").click();
+  await page.mouse.click(place.x, place.y);
+  assert.equal(await page.locator(".strip [aria-current]").count(), 0, "a second click selects nothing");
+});
+
+await step("layers show uncertainty and what was not touched, and hide touches", async () => {
+  const canvas = page.locator(VIEW);
+  const layer = (name) => page.getByRole("button", { name, exact: true }).click();
+  const pictures = [await canvas.screenshot()];
+  for (const name of ["Uncertainty", "Not touched", "Older ones faint", "Touches"]) {
+    await layer(name);
+    await page.waitForTimeout(300);
+    pictures.push(await canvas.screenshot());
+    assert.ok(!pictures.at(-1).equals(pictures.at(-2)), `${name} changes the picture`);
+  }
+  const share = await page.getByText(/farther than half a pad from every touch: [\d.]+ % of the surface/).textContent();
+  const percent = Number(/([\d.]+) %/.exec(share)[1]);
+  assert.ok(percent > 20 && percent < 99, `24 touches leave some of a mug untouched: ${share}`);
+  assert.match(await canvas.getAttribute("aria-label"), /, 0 touches/);
+  await checkAxe(page, "the layers");
+  for (const name of ["Touches", "Older ones faint"]) await layer(name);
+  await page.waitForTimeout(300);
+  await shot("layers");
+  for (const name of ["Not touched", "Uncertainty"]) await layer(name);
+});
+
+await step("the picture of the pose is saved", async () => {
+  const [download] = await Promise.all([page.waitForEvent("download"), page.getByRole("button", { name: "Save picture" }).click()]);
+  assert.equal(download.suggestedFilename(), `palpate-${session.slice(-8)}-${TOUCHES}.png`);
+  const bytes = readFileSync(await download.path());
+  assert.equal(bytes.subarray(1, 4).toString(), "PNG");
+  assert.ok(bytes.length > 10_000, `a picture of ${bytes.length} bytes shows something`);
+});
+
+await step("the wheel scrolls the page over the view, until the view has the focus", async () => {
+  const canvas = page.locator(VIEW);
+  const top = () => page.evaluate(() => scrollY);
+  await canvas.blur();
+  await page.evaluate(() => scrollTo(0, 0));
+  const { x, y, width, height } = await canvas.boundingBox();
+  await page.mouse.move(x + width / 2, y + height / 2);
+  const before = await canvas.screenshot();
+  await page.mouse.wheel(0, 60);
+  await page.waitForFunction(() => scrollY > 20);
+  await page.evaluate(() => scrollTo(0, 0));
+  assert.ok(before.equals(await canvas.screenshot()), "scrolling does not zoom");
+  await canvas.focus();
+  await page.mouse.wheel(0, 60);
+  await page.waitForTimeout(400);
+  assert.equal(await top(), 0, "the focused view keeps the wheel");
+  assert.ok(!before.equals(await canvas.screenshot()), "the focused view zooms");
+  await page.keyboard.press("0");
+});
+
+await step("on a phone one finger scrolls the page, and two turn the view", async () => {
+  await page.setViewportSize({ width: 390, height: 844 });
+  const canvas = page.locator(VIEW);
+  await canvas.evaluate((view) => view.scrollIntoView({ block: "center" }));
+  await page.waitForTimeout(400);
+  const fingers = await page.context().newCDPSession(page);
+  const { x, y, width, height } = await canvas.boundingBox();
+  const touch = (type, ...places) => fingers.send("Input.dispatchTouchEvent", { type, touchPoints: places.map(([dx, dy], id) => ({ x: x + width / 2 + dx, y: y + height / 2 + dy, id })) });
+  const drag = async (...starts) => {
+    await touch("touchStart", ...starts);
+    for (let i = 1; i <= 10; i += 1) await touch("touchMove", ...starts.map(([dx, dy]) => [dx, dy - 10 * i]));
+    await touch("touchEnd");
+    await page.waitForTimeout(500);
+  };
+  const top = () => page.evaluate(() => scrollY);
+  const [before, from] = [await canvas.screenshot(), await top()];
+  await drag([-40, 50], [40, 50]);
+  assert.equal(await top(), from, "two fingers do not scroll");
+  assert.ok(!before.equals(await canvas.screenshot()), "two fingers turn the view");
+  await drag([0, 50]);
+  assert.ok((await top()) > from + 40, "one finger scrolls");
+  await fingers.detach();
+  await page.setViewportSize({ width: 1280, height: 900 });
+});
+
 await step("the slider replays what was believed, by keyboard", async () => {
   const slider = page.getByRole("slider", { name: "Revision" });
   await slider.focus();
@@ -175,7 +288,7 @@ await step("the slider replays what was believed, by keyboard", async () => {
 
 await step("the 3-D view turns by arrow keys, and everything is reached by Tab", async () => {
   await page.getByRole("button", { name: "Newest" }).click();
-  const canvas = page.locator(".stage canvas");
+  const canvas = page.locator(VIEW);
   await canvas.focus();
   const before = await canvas.screenshot();
   for (let i = 0; i < 4; i += 1) await page.keyboard.press("ArrowRight");
@@ -273,6 +386,17 @@ for (const [scheme, width, views] of SWEEPS) {
 }
 await page.emulateMedia({ colorScheme: "light" });
 await page.setViewportSize({ width: 1280, height: 900 });
+
+await step("the true object is named beside the belief", async () => {
+  await robot("gear", "gear", 4, 11, 0);
+  const one = (await openSessions()).map((listed) => listed.session).sort((a, b) => b.created_at.localeCompare(a.created_at))[0];
+  const body = JSON.stringify({ object: "hammer" });
+  const closed = await fetch(`${SERVER}/v1/sessions/${one.id}/close`, { method: "POST", headers: { "content-type": "application/json" }, body });
+  assert.equal((await closed.json()).truth.name, "hammer");
+  await visit(`sessions/${one.id}`);
+  await page.getByText("it was hammer").waitFor();
+  assert.equal(await page.getByText("it was hammer").getAttribute("class"), "badge badge-bad", "it was believed to be a gear");
+});
 
 await step("what is not there is said, with the server's reason", async () => {
   expected.add(404);

@@ -53,6 +53,5 @@ function Picture({ object }: { object: ObjectInfo }) {
       gone = true;
     };
   }, [seen, isDark, object.mesh?.hash]);
-  // biome-ignore lint/a11y/noAriaHiddenOnFocusable: a canvas without tabindex takes no focus
   return <canvas ref={canvas} width="480" height="360" aria-hidden="true" />;
 }

@@ -64,7 +64,7 @@ export function SessionView({ id }: { id: string }) {
       {action.problem && <ProblemNote problem={action.problem} />}
       <div class="session">
         <div class="stack">
-          <ScenePanel model={model} selected={selected} next={next.shown} />
+          <ScenePanel model={model} selected={selected} select={select} next={next.shown} />
           <ReplayPanel model={model} />
           <StripPanel model={model} selected={selected} select={select} />
           <ExplainPanel model={model} selected={selected} select={select} />
