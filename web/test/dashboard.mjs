@@ -142,6 +142,9 @@ await step("the belief moves in the fleet while a robot touches", async () => {
   await page.getByText(`${belief.n_readings} readings`).first().waitFor();
   assert.equal(await page.locator(".bar-best .bar-name").first().textContent(), belief.objects[0].name);
   assert.equal(belief.objects[0].name, "mug");
+  const title = await page.getByRole("heading", { level: 1 }).textContent();
+  assert.match(title, /^mug, (>99\.9|100|9\d\.\d) % — simulated$/, "the title states what is believed");
+  assert.equal(await page.title(), `${title} · Palpate`);
 });
 
 await step("the session explains itself and says where to touch next", async () => {
@@ -303,7 +306,7 @@ await step("the 3-D view turns by arrow keys, and everything is reached by Tab",
   }
   assert.equal(stops[0], "Skip to the content");
   assert.deepEqual(stops.slice(2, 9), ["Fleet", "Objects", "Models", "Jobs", "Sensors", "Keys", "Health"]);
-  assert.ok(stops.includes("simulated"), `sessions are reached: ${stops}`);
+  assert.ok(stops.some((stop) => /^mug, .+ % — simulated$/.test(stop)), `sessions are reached: ${stops}`);
   assert.equal(await page.locator("[aria-live=polite]").count(), 1);
 });
 
@@ -326,6 +329,34 @@ await step("an alarm that somebody has seen needs nobody any more", async () => 
   await page.waitForFunction(() => document.querySelectorAll(".level-surprising, .level-stuck").length === 0);
   assert.equal(await page.title(), "Fleet · Palpate");
   await page.getByText("0 sessions selected").waitFor();
+});
+
+await step("twenty-five sure sessions are on one screen, and bars only where somebody is unsure", async () => {
+  const send = async (path, body) => {
+    const answer = await fetch(SERVER + path, { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) });
+    assert.ok(answer.ok, await answer.clone().text());
+    return answer.json();
+  };
+  const { items } = await json(`/v1/sessions/${session}/readings?limit=8`);
+  for (let arm = 1; arm <= 25; arm += 1) {
+    const { id } = await send("/v1/sessions", {});
+    const readings = items.map(({ image, pose, sensor }, seq) => ({ image, pose, sensor, robot: `arm-${arm}`, seq }));
+    await send(`/v1/sessions/${id}/readings`, { readings });
+  }
+  await page.setViewportSize({ width: 1440, height: 900 });
+  await page.waitForFunction(() => document.querySelectorAll(".fleet-row").length === 28);
+  const sure = page.locator(".fleet-line", { hasText: /— arm-\d+/ });
+  await page.waitForFunction(() => document.querySelectorAll(".fleet-line").length >= 25);
+  assert.equal(await sure.locator(".bar").count(), 0);
+  assert.ok((await page.locator(".fleet-row:not(.fleet-line) .bar").count()) > 0, "what is unsure is compared");
+  const heights = await sure.evaluateAll((rows) => rows.map((row) => row.nextElementSibling ? row.nextElementSibling.getBoundingClientRect().top - row.getBoundingClientRect().top : 0));
+  const head = await page.locator(".fleet").evaluate((list) => list.getBoundingClientRect().top + scrollY);
+  assert.ok(head + 25 * Math.max(...heights) <= 900, `25 rows of ${Math.max(...heights)} pixels end at ${head + 25 * Math.max(...heights)}`);
+  const places = (row) => page.locator(row).first().locator("> *").evaluateAll((cells) => cells.map((cell) => Math.round(cell.getBoundingClientRect().left)).slice(3, 6));
+  assert.deepEqual(await places(".fleet-head"), await places(".fleet-row:not(.fleet-line)"), "heads stand over their columns");
+  await checkAxe(page, "a dense fleet");
+  await shot("dense");
+  await page.setViewportSize({ width: 1280, height: 900 });
 });
 
 await step("a calibration shows the dead taxel", async () => {

@@ -46,8 +46,8 @@ export function FleetView() {
           <FleetActions chosen={chosen} needed={needed} onSelect={(ids) => setSelected(new Set(ids))} />
           <div class="fleet-head" aria-hidden="true">
             <span />
-            <span>Robot · session</span>
-            <span>It is</span>
+            <span>Believed — robot</span>
+            <span>Probabilities</span>
             <span>Uncertainty</span>
             <span>Last reading</span>
             <span>State</span>

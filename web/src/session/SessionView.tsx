@@ -1,6 +1,7 @@
 // One session: belief, pose, touches and history.
 import { useEffect, useMemo, useState } from "preact/hooks";
 import { announce } from "../announce";
+import { answerOf, titleOf } from "../belief";
 import { percent, plural, shortId, when } from "../format";
 import { Empty, Loading, ProblemNote } from "../parts/Notes";
 import { Live } from "../parts/Live";
@@ -28,6 +29,7 @@ export function SessionView({ id }: { id: string }) {
   useBeliefAnnouncements(model);
   const next = useNextTouches(model);
   const session = model.session.value;
+  const title = useBelievedTitle(model);
   if (session === undefined) {
     return (
       <>
@@ -36,11 +38,10 @@ export function SessionView({ id }: { id: string }) {
       </>
     );
   }
-  const robots = [...new Set(model.readings.value.flatMap((reading) => reading.robot ?? []))];
   return (
     <>
       <ViewHead
-        title={robots.length > 0 ? robots.join(", ") : `Session ${shortId(id)}`}
+        title={title}
         sub={
           <>
             <a href={link("models", session.catalogue, session.version)}>
@@ -77,6 +78,19 @@ export function SessionView({ id }: { id: string }) {
       </div>
     </>
   );
+}
+
+/** The title of the page and of its tab: what is believed now, of which robots. */
+function useBelievedTitle(model: SessionModel): string {
+  const newest = model.newest.value;
+  const robots = [...new Set(model.readings.value.flatMap((reading) => reading.robot ?? []))];
+  const whose = robots.length > 0 ? robots.join(", ") : `session ${shortId(model.id)}`;
+  const title = titleOf(answerOf(newest, newest?.n_readings ?? 0), whose);
+  const isLoaded = model.session.value !== undefined;
+  useEffect(() => {
+    if (isLoaded) document.title = `${title} · Palpate`;
+  }, [title, isLoaded]);
+  return title;
 }
 
 /** Announces when the likeliest object changes or becomes sure. */
