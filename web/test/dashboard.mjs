@@ -147,10 +147,10 @@ await step("the belief moves in the fleet while a robot touches", async () => {
   assert.equal(await page.title(), `${title} · Palpate`);
 });
 
-await step("the session explains itself and says where to touch next", async () => {
+await step("the session explains itself, and says that nothing is left to learn", async () => {
   await page.getByRole("region", { name: "Contributions of readings" }).waitFor();
   assert.equal(await page.getByRole("list", { name: "Readings" }).getByRole("listitem").count(), TOUCHES);
-  await page.locator(".panel-next tbody tr").first().waitFor();
+  await page.getByText("Nothing left to learn").waitFor();
   await page.locator(".strip button").nth(3).click();
   await page.locator(".explain .chosen").waitFor();
   await page.waitForTimeout(500);
@@ -265,10 +265,57 @@ await step("on a phone one finger scrolls the page, and two turn the view", asyn
   await drag([-40, 50], [40, 50]);
   assert.equal(await top(), from, "two fingers do not scroll");
   assert.ok(!before.equals(await canvas.screenshot()), "two fingers turn the view");
+  const cue = await page.locator(".explain").evaluate((table) => getComputedStyle(table).backgroundImage);
+  assert.match(cue, /radial-gradient/, "a table that is cut shows it");
   await drag([0, 50]);
   assert.ok((await top()) > from + 40, "one finger scrolls");
   await fingers.detach();
   await page.setViewportSize({ width: 1280, height: 900 });
+});
+
+await step("the posterior begins at the prior, and a drawn range is shown larger", async () => {
+  const panel = page.getByRole("region", { name: "Posterior over readings" });
+  await panel.getByText("Numbers").first().click();
+  const first = panel.getByRole("region", { name: "Probability of each object after each revision, numbers" }).locator("tbody tr").first();
+  const prior = await json(`/v1/sessions/${session}/belief?at=0`);
+  assert.deepEqual(await first.locator("th, td").allTextContents().then((cells) => cells.slice(0, 2)), ["0", `${(prior.objects[0].probability * 100).toFixed(1)} %`]);
+  await panel.getByText("Numbers").first().click();
+  const whole = panel.getByRole("button", { name: "All revisions" });
+  assert.ok(await whole.isDisabled());
+  const plot = panel.locator(".u-over").first();
+  await plot.scrollIntoViewIfNeeded();
+  const { x, y, width } = await plot.boundingBox();
+  const ticks = () => panel.locator("canvas").nth(1).screenshot();
+  const before = await ticks();
+  await page.mouse.move(x + 2, y + 40);
+  await page.mouse.down();
+  await page.mouse.move(x + width / 3, y + 50, { steps: 6 });
+  await page.mouse.up();
+  await page.waitForFunction(() => [...document.querySelectorAll("button")].some((one) => one.textContent === "All revisions" && !one.disabled));
+  await page.mouse.move(0, 0);
+  assert.ok(!before.equals(await ticks()), "the chart of uncertainty shows the same range");
+  assert.equal(await page.getByRole("slider", { name: "Revision" }).inputValue(), String(TOUCHES), "drawing selects no revision");
+  await whole.click();
+  await page.mouse.move(0, 0);
+  await page.waitForTimeout(200);
+  assert.ok(before.equals(await ticks()), "all revisions are shown again");
+  await panel.getByRole("button", { name: "Zoom in" }).press("Enter");
+  assert.ok(await whole.isEnabled());
+  await whole.press("Enter");
+});
+
+await step("the strip shows the newest reading, and how well each fits", async () => {
+  const strip = page.getByRole("list", { name: "Readings" });
+  const [list, last] = [await strip.boundingBox(), await strip.getByRole("listitem").last().boundingBox()];
+  assert.ok(last.x + last.width <= list.x + list.width + 4, "the newest is in view");
+  const shown = await strip.locator(".num").evaluateAll((all) => all.map((one) => one.firstChild.textContent.trim()));
+  assert.ok(shown.filter((text) => /^[+−]\d+\.\d\d$/.test(text)).length > TOUCHES / 2, `fits are shown: ${shown}`);
+  const left = (at) => page.locator(at).first().evaluate((cell) => {
+    const text = document.createRange();
+    text.selectNodeContents(cell);
+    return Math.round(text.getBoundingClientRect().left);
+  });
+  assert.equal(await left(".explain tbody th button"), await left(".explain thead th"), "columns are aligned");
 });
 
 await step("the slider replays what was believed, by keyboard", async () => {
@@ -418,13 +465,14 @@ for (const [scheme, width, views] of SWEEPS) {
 await page.emulateMedia({ colorScheme: "light" });
 await page.setViewportSize({ width: 1280, height: 900 });
 
-await step("the true object is named beside the belief", async () => {
-  await robot("gear", "gear", 4, 11, 0);
+await step("a session says where to touch next, and the true object once it is told", async () => {
+  await robot("gear", "gear", 2, 11, 0);
   const one = (await openSessions()).map((listed) => listed.session).sort((a, b) => b.created_at.localeCompare(a.created_at))[0];
+  await visit(`sessions/${one.id}`);
+  await page.locator(".panel-next tbody tr").first().waitFor();
   const body = JSON.stringify({ object: "hammer" });
   const closed = await fetch(`${SERVER}/v1/sessions/${one.id}/close`, { method: "POST", headers: { "content-type": "application/json" }, body });
   assert.equal((await closed.json()).truth.name, "hammer");
-  await visit(`sessions/${one.id}`);
   await page.getByText("it was hammer").waitFor();
   assert.equal(await page.getByText("it was hammer").getAttribute("class"), "badge badge-bad", "it was believed to be a gear");
 });

@@ -59,18 +59,20 @@ export function Stage3D(props: Props) {
   }, [props.selected, state]);
   const keys = props.onSelect ? "Arrow keys rotate, plus and minus zoom, 0 resets, n and p select a touch." : "Arrow keys rotate, plus and minus zoom, 0 resets.";
   return (
-    <div class="stage" data-state={state}>
-      {state === "impossible" ? (
-        <p class="stage-fault">This browser cannot draw in 3-D (WebGL). The numbers are in the tables.</p>
-      ) : (
-        <>
-          <canvas ref={canvas} tabIndex={0} role="img" aria-label={`${props.label}. ${keys}`} />
-          <canvas ref={over} class="stage-over" aria-hidden="true" />
-          {state === "loading" && <p class="stage-fault">Loading the view …</p>}
-          {state === "ready" && props.empty && <p class="stage-fault">{props.empty}</p>}
-          {props.note && !props.empty && <p class="stage-note">{props.note}</p>}
-        </>
-      )}
-    </div>
+    <>
+      <div class="stage" data-state={state}>
+        {state === "impossible" ? (
+          <p class="stage-fault">This browser cannot draw in 3-D (WebGL). The numbers are in the tables.</p>
+        ) : (
+          <>
+            <canvas ref={canvas} tabIndex={0} role="img" aria-label={`${props.label}. ${keys}`} />
+            <canvas ref={over} class="stage-over" aria-hidden="true" />
+            {state === "loading" && <p class="stage-fault">Loading the view …</p>}
+            {state === "ready" && props.empty && <p class="stage-fault">{props.empty}</p>}
+          </>
+        )}
+      </div>
+      {props.note && <p class="stage-note">{props.note}</p>}
+    </>
   );
 }

@@ -71,7 +71,7 @@ export function ScenePanel({ model, selected, select, next }: Props) {
     >
       <Stage3D content={content} label={label} selected={selected} onSelect={select} onHover={setHovered} onCovered={setShare}
         onReady={(ready) => { stage.current = ready; }}
-        note={`frame ${model.session.value?.frame_id ?? "of the session"} · drag, two fingers or arrow keys rotate, + and − zoom`}
+        note={`frame ${model.session.value?.frame_id ?? "of the session"} · drag, two fingers or arrow keys rotate · + and −, or Ctrl and the wheel, zoom`}
         {...(isEmpty ? { empty: nothing(model) } : {})} />
       <div class="layers" role="group" aria-label="Layers">
         {LAYERS.map(([layer, name]) => (

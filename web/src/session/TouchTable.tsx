@@ -1,5 +1,5 @@
 // The touches of the 3-D view as a table, which selects them as the view does.
-import { signedBits } from "../format";
+import { decimal, signedBits } from "../format";
 import { counts } from "./content";
 import type { SessionModel } from "./model";
 
@@ -35,7 +35,7 @@ export function TouchTable({ model, selected, select }: Props) {
                     {reading.number + 1}
                   </button>
                 </th>
-                <td class="num-left">{reading.pose!.position.map((part) => (part * 1000).toFixed(1)).join(", ")}</td>
+                <td class="num-left">{reading.pose!.position.map((part) => decimal(part * 1000, 1)).join(", ")}</td>
                 <td>{direction(reading.pose!.orientation)}</td>
                 <td class="num">{signedBits(contributed.get(reading.number))}</td>
               </tr>
@@ -50,5 +50,5 @@ export function TouchTable({ model, selected, select }: Props) {
 function direction(q: number[]): string {
   const [x = 0, y = 0, z = 0, w = 1] = q;
   const along = [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)];
-  return along.map((part) => part.toFixed(2)).join(", ");
+  return along.map((part) => decimal(part, 2)).join(", ");
 }

@@ -1,15 +1,29 @@
 // Lines of the posterior over identities, from the steps of a session.
 import { objectColor, plainColor } from "../colors";
-import type { Series } from "../parts/Chart";
-import type { Step } from "./model";
+import type { Range, Series } from "../parts/Chart";
+import type { Belief } from "../api/types";
+import { stepOf, type Step } from "./model";
 
 /** Maximum number of lines that can be told apart. */
 const LINES_MAX = 6;
 
-/** One line for each object that was ever among the likeliest, strongest first. */
+/** The steps, with the belief before the first reading in front. */
+export function fromPrior(prior: Belief | undefined, steps: Step[]): Step[] {
+  return prior === undefined || steps.length === 0 ? steps : [{ ...stepOf(prior), objects: prior.objects, what: "prior" }, ...steps];
+}
+
+/** Half of a range about a revision, as far as there are revisions; undefined if it cannot be halved. */
+export function closer(range: Range, at: number): Range | undefined {
+  const width = (range[1] - range[0]) / 2;
+  if (width < 1) return undefined;
+  const from = Math.max(range[0], Math.min(range[1] - width, at - width / 2));
+  return [from, from + width];
+}
+
+/** One line for each object that was ever among the likeliest after a reading, strongest first. */
 export function identities(steps: Step[]): Series[] {
   const most = new Map<string, number>();
-  for (const step of steps) {
+  for (const step of steps.filter((one) => one.what !== "prior")) {
     for (const { name, probability } of step.objects) {
       most.set(name, Math.max(most.get(name) ?? 0, probability));
     }

@@ -21,7 +21,7 @@ test("signed bits have a sign unless they round to zero", () => {
 });
 
 test("lengths are millimetres, pressures kilopascal from 1000 Pa", () => {
-  check(format.mm, [0.0025, "2.5 mm"], [0.1234, "123 mm"], [-0.0761, "−76.1 mm"]);
+  check(format.mm, [0.0025, "2.5 mm"], [0.1234, "123 mm"], [-0.0761, "−76.1 mm"], [-0.00004, "0.0 mm"]);
   check(format.kPa, [999, "999 Pa"], [1000, "1.0 kPa"], [-2500, "−2.5 kPa"], [1_234_560, "1234.6 kPa"]);
 });
 

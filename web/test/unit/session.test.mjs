@@ -3,7 +3,8 @@ import assert from "node:assert/strict";
 import { beforeEach, test } from "node:test";
 import { counts } from "../../src/session/content.ts";
 import { SessionModel, stepOf } from "../../src/session/model.ts";
-import { identities } from "../../src/session/posterior.ts";
+import { wouldTeach } from "../../src/session/NextTouch.tsx";
+import { closer, fromPrior, identities } from "../../src/session/posterior.ts";
 
 const belief = (revision) => ({ revision, n_readings: revision, objects: [], poses: [], entropy_bits: 2 });
 let model;
@@ -90,4 +91,53 @@ test("none of these has a dashed line if it ever was possible", () => {
   assert.deepEqual(lines[1].values, [0.3, 0]);
   assert.equal(lines[1].dashed, true);
   assert.equal(identities([step(1, [best("mug", 1)])]).length, 1);
+});
+
+test("the posterior begins at the prior, which adds no line of its own", () => {
+  const prior = { revision: 0, n_readings: 0, objects: [best("mug", 0.3), best("gear", 0.3), best("hand", 0.3)], unknown: 0.1, entropy_bits: 1.9 };
+  const steps = fromPrior(prior, [step(1, [best("gear", 0.9), best("mug", 0.1)])]);
+  assert.deepEqual(steps.map((one) => one.revision), [0, 1]);
+  assert.equal(steps[0].entropyBits, 1.9);
+  const lines = identities(steps);
+  assert.deepEqual(lines.map((one) => one.label), ["gear", "mug", "none of these"]);
+  assert.deepEqual(lines[0].values, [0.3, 0.9]);
+});
+
+test("a prior with many objects keeps all of them", () => {
+  const prior = { revision: 0, n_readings: 0, objects: Array.from({ length: 40 }, (_, i) => best(`o${i}`, 0.025)), entropy_bits: 5.3 };
+  const lines = identities(fromPrior(prior, [step(1, [best("o39", 1)])]));
+  assert.deepEqual(lines, [{ label: "o39", color: lines[0].color, values: [0.025, 1] }]);
+});
+
+test("without readings there is nothing to draw", () => {
+  assert.deepEqual(fromPrior(belief(0), []), []);
+});
+
+test("zooming in halves the range about the revision, within it", () => {
+  assert.deepEqual(closer([0, 100], 50), [25, 75]);
+  assert.deepEqual(closer([0, 100], 100), [50, 100]);
+  assert.deepEqual(closer([20, 60], 0), [20, 40]);
+  assert.equal(closer([4, 5], 4), undefined);
+});
+
+test("the scale of fits ends at the largest fit, that of bits at four", () => {
+  model.explanation.value = { readings: [reading(0, 0, 24), reading(1, 0, -8)] };
+  assert.equal(model.fullAt.value, 24);
+  assert.deepEqual([...model.tints.value], [[0, 4], [1, -4 / 3]]);
+  model.colorBy.value = "bits";
+  assert.equal(model.fullAt.value, 4);
+});
+
+test("a reading shows the value that it is coloured by", () => {
+  model.explanation.value = { readings: [reading(0, 0, 24)] };
+  assert.equal(model.valueOf(reading(0, 0, 24)), 24);
+  model.colorBy.value = "bits";
+  assert.equal(model.valueOf(reading(0, 0, 24)), 0);
+  assert.equal(model.valueOf(undefined), undefined);
+});
+
+test("touches that add less than a hundredth of a bit teach nothing", () => {
+  assert.equal(wouldTeach({ information_bits: 0.004, pose_bits: 0.005 }), false);
+  assert.equal(wouldTeach({ information_bits: 0.005, pose_bits: 0.005 }), true);
+  assert.equal(wouldTeach({ information_bits: 0.02, pose_bits: null }), true);
 });
