@@ -15,13 +15,13 @@ darkQuery.addEventListener("change", (event) => {
 });
 
 export function percent(p: number): string {
-  if (p > 0.9995 && p < 1) return ">99.9 %";
+  if (p >= 0.9995 && p < 1) return ">99.9 %";
   if (p > 0 && p < 0.0005) return "<0.1 %";
   return `${(p * 100).toFixed(p >= 0.9995 || p === 0 ? 0 : 1)} %`;
 }
 
 export function bits(value: number | null | undefined): string {
-  return value === null || value === undefined ? "–" : `${trim(value, 2)} bit`;
+  return value === null || value === undefined ? "–" : `${decimal(value, 2)} bit`;
 }
 
 /** Bits with a sign. */
@@ -34,12 +34,12 @@ export function signedBits(value: number | null | undefined): string {
 
 export function mm(metres: number): string {
   const value = metres * 1000;
-  return `${trim(value, Math.abs(value) >= 100 ? 0 : 1)} mm`;
+  return `${decimal(value, Math.abs(value) >= 100 ? 0 : 1)} mm`;
 }
 
 export function kPa(pascal: number): string {
-  if (Math.abs(pascal) < 1000) return `${trim(pascal, 0)} Pa`;
-  return `${trim(pascal / 1000, 1)} kPa`;
+  if (Math.abs(pascal) < 1000) return `${decimal(pascal, 0)} Pa`;
+  return `${decimal(pascal / 1000, 1)} kPa`;
 }
 
 /** Symmetry of an object: `16-fold, 16 × 2-fold`. */
@@ -70,7 +70,7 @@ export function bytes(n: number): string {
     value /= 1000;
     unit += 1;
   }
-  return `${trim(value, value < 10 && unit > 0 ? 1 : 0)} ${units[unit]}`;
+  return `${decimal(value, value < 10 && unit > 0 ? 1 : 0)} ${units[unit]}`;
 }
 
 export function count(n: number): string {
@@ -110,8 +110,10 @@ export function shortId(id: string): string {
   return id.slice(-8);
 }
 
-function trim(value: number, digits: number): string {
-  return value.toFixed(digits).replace(/^-/, "−");
+/** A number with so many digits, and a minus sign instead of a hyphen, unless it rounds to zero. */
+export function decimal(value: number, digits: number): string {
+  const shown = value.toFixed(digits);
+  return Number(shown) === 0 ? shown.replace("-", "") : shown.replace("-", "−");
 }
 
 /** Series colours safe for colour blindness (Okabe and Ito, adapted). */

@@ -2,6 +2,7 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { createRequire } from "node:module";
+import { join } from "node:path";
 import { chromium } from "playwright-core";
 
 const FLAGS = [
@@ -17,6 +18,7 @@ const SHIFT_MAX = 0.1;
 export async function open() {
   const browser = await chromium.launch({ executablePath: "/usr/bin/chromium", args: FLAGS });
   const context = await browser.newContext({ viewport: { width: 1280, height: 900 }, colorScheme: "light" });
+  if (process.env.PAGES) await replacePages(context, process.env.PAGES);
   const page = await context.newPage();
   // Pictures in 3-D are drawn without a graphics card here, on a machine that may be busy.
   page.setDefaultTimeout(90_000);
@@ -40,6 +42,21 @@ export async function open() {
     }).observe({ type: "layout-shift", buffered: true });
   });
   return { browser, page, errors, urls, expected };
+}
+
+/** Shows the pages of a folder, such as a new build, with the headers of those in the server. */
+async function replacePages(context, folder) {
+  const isPage = ({ pathname }) => pathname === "/" || pathname.startsWith("/assets/");
+  await context.route(isPage, async (route) => {
+    const { pathname } = new URL(route.request().url());
+    try {
+      const response = await route.fetch();
+      const { "content-encoding": _, ...headers } = response.headers();
+      await route.fulfill({ response, headers, body: readFileSync(join(folder, pathname === "/" ? "index.html" : pathname)) });
+    } catch {
+      await route.abort();
+    }
+  });
 }
 
 /** Nothing is wider than the window. */

@@ -49,7 +49,9 @@ function ball(radius) {
   }
   const file = Buffer.alloc(84 + 50 * triangles.length);
   file.writeUInt32LE(triangles.length, 80);
-  triangles.forEach((corners, n) => corners.flat().forEach((value, k) => file.writeFloatLE(value, 84 + 50 * n + 12 + 4 * k)));
+  for (const [n, corners] of triangles.entries()) {
+    for (const [k, value] of corners.flat().entries()) file.writeFloatLE(value, 84 + 50 * n + 12 + 4 * k);
+  }
   return file;
 }
 

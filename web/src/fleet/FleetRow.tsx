@@ -1,4 +1,6 @@
-// One open session: robots, likeliest objects, and state.
+// One open session: what is believed, of which robot, and its state; one line if it is sure.
+import { answerOf, titleOf } from "../belief";
+import { objectColor } from "../colors";
 import { age, bits, now, plural, shortId } from "../format";
 import { Badge } from "../parts/Panel";
 import { ProbabilityBars, shares } from "../parts/ProbabilityBars";
@@ -24,8 +26,11 @@ export function FleetRow(props: {
   const { latest } = info.session;
   const shown = belief ?? (latest && { objects: latest.best ? [latest.best] : [], unknown: latest.unknown });
   const nReadings = belief?.n_readings ?? session.n_readings;
+  const answer = answerOf(shown, nReadings);
+  // Nothing is to be compared where one answer is sure, or none is felt.
+  const isLine = level === "sure" || nReadings === 0;
   return (
-    <li class={`fleet-row level-${isSeen ? "seen" : level}`}>
+    <li class={`fleet-row level-${isSeen ? "seen" : level} ${isLine ? "fleet-line" : ""}`}>
       <input
         type="checkbox"
         class="fleet-check"
@@ -35,17 +40,18 @@ export function FleetRow(props: {
       />
       <div class="fleet-who">
         <a href={link("sessions", session.id)} class="fleet-link">
-          {robots}
+          {answer && <span class="dot" style={answer.isUnknown ? {} : { background: objectColor(answer.name) }} aria-hidden="true" />}
+          {titleOf(answer, robots)}
         </a>
         <span class="faint">
           {session.method.replaceAll("_", " ")} · <code>{shortId(session.id)}</code> · {plural(nReadings, "reading")}
         </span>
       </div>
       <div class="fleet-bars">
-        {shown ? (
+        {isLine ? null : shown ? (
           <ProbabilityBars of={shares(shown.objects, shown.unknown ?? 0, 3)} label={`Likeliest objects of ${robots}`} />
         ) : (
-          <span class="faint">{nReadings === 0 ? "nothing felt yet" : "loading belief …"}</span>
+          <span class="faint">loading belief …</span>
         )}
       </div>
       <div class="fleet-entropy">
@@ -61,7 +67,7 @@ export function FleetRow(props: {
       <div class="fleet-state">
         <Badge kind={isSeen ? "seen" : level}>{isSeen ? `${level}, ${muted_until ? "muted" : "seen"}` : level}</Badge>
         <span class="faint">
-          {reason}
+          {level === "sure" ? "" : reason}
           {is_needed && ` · ${age(Math.max(0, now.value - watched.since))} ago`}
         </span>
       </div>

@@ -53,8 +53,8 @@ export function FleetView() {
           <FleetActions chosen={chosen} needed={needed} onSelect={(ids) => setSelected(new Set(ids))} />
           <div class="fleet-head" aria-hidden="true">
             <span />
-            <span>Robot · session</span>
-            <span>It is</span>
+            <span>Believed — robot</span>
+            <span>Probabilities</span>
             <span>Uncertainty</span>
             <span>Last reading</span>
             <span>State</span>
@@ -72,7 +72,7 @@ export function FleetView() {
           {more && (
             <p class="faint">
               {sessions.length} of {nOpen} open sessions are shown.{" "}
-              <button type="button" class="small" onClick={() => void (pages.value++, relist())}>
+              <button type="button" class="small" onClick={showMore}>
                 Show more
               </button>
             </p>
@@ -81,6 +81,11 @@ export function FleetView() {
       )}
     </>
   );
+}
+
+function showMore(): void {
+  pages.value += 1;
+  void relist();
 }
 
 /** Shows in the tab's title how many sessions need attention. */

@@ -218,8 +218,8 @@ function pointOf(belief: Belief): TracePoint {
   };
 }
 
-/** Merges two traces, one point per revision. */
-function joined(a: TracePoint[], b: TracePoint[]): TracePoint[] {
+/** Merges two traces, one point per revision; the second one's points replace the first one's. */
+export function joined(a: TracePoint[], b: TracePoint[]): TracePoint[] {
   const all = new Map([...a, ...b].map((point) => [point.revision, point]));
   return [...all.values()].sort((x, y) => x.revision - y.revision).slice(-200);
 }

@@ -25,9 +25,13 @@ export function DropZone({ onAdded, into }: Props) {
   };
   return (
     <>
+      {/* biome-ignore lint/a11y/noStaticElementInteractions: dropping is for the mouse; the button within does the same */}
       <div
         class={over ? "drop drop-over" : "drop"}
-        onDragOver={(event) => (event.preventDefault(), setOver(true))}
+        onDragOver={(event) => {
+          event.preventDefault();
+          setOver(true);
+        }}
         onDragLeave={() => setOver(false)}
         onDrop={(event) => {
           event.preventDefault();

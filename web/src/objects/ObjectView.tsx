@@ -93,7 +93,7 @@ function SurfacePanel({ object, version }: { object: ObjectInfo; version: Catalo
     <Panel title="Surface" aside={data && <span>{plural(data.map.length || data.touches.length, "touch", "touches")}</span>}>
       {surface.problem && <ProblemNote problem={surface.problem} retry={surface.reload} />}
       <Stage3D content={content} label={`${object.name}, ${layer === "classes" ? "appearance classes" : "training touches"} over its surface`}
-        note="object frame, origin at the centroid · drag or arrow keys rotate" />
+        note="object frame, origin at the centroid · drag, two fingers or arrow keys rotate" />
       <div class="layers" role="group" aria-label="Layers">
         <button type="button" aria-pressed={mesh} disabled={!object.mesh} onClick={() => setMesh(!mesh)}>Mesh</button>
         <button type="button" aria-pressed={layer === "touches"} onClick={() => setLayer(layer === "touches" ? "nothing" : "touches")}>
@@ -143,7 +143,7 @@ function AboutPanel({ object, version }: { object: ObjectInfo; version: Catalogu
           ["Mesh", object.mesh ? `${object.mesh.format.toUpperCase()} in ${object.mesh.unit}, ${bytes(object.mesh.bytes)}` : "none"],
           ["Robot’s touches", count(object.n_readings)],
           ["Added", when(object.created_at)],
-          ["Trained in", version ? <a href={link("models", version.catalogue, version.version)}>{key(version)}</a> : "no current version"],
+          ["Trained in", version ? <a key="version" href={link("models", version.catalogue, version.version)}>{key(version)}</a> : "no current version"],
           ...(trained
             ? ([
                 ["Touches learnt", count(trained.n_readings)],

@@ -22,6 +22,10 @@ export function ObjectsView() {
   useEffect(() => {
     if (objects.data) nameColors(objects.data);
   }, [objects.data]);
+  const reloadAll = () => {
+    objects.reload();
+    twins.reload();
+  };
   const trainable = objects.data?.filter((object) => object.mesh || object.n_readings > 0) ?? [];
   return (
     <>
@@ -32,7 +36,7 @@ export function ObjectsView() {
           </button>
         )}
       </ViewHead>
-      <TrainingNow onDone={() => (objects.reload(), twins.reload())} />
+      <TrainingNow onDone={reloadAll} />
       {may("trainer", "admin") && <DropZone onAdded={objects.reload} />}
       {(twins.data ?? []).map((twin) => (
         <div key={`${twin.catalogue} ${twin.first} ${twin.second}`} class="note note-warn" role="note">

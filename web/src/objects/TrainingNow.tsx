@@ -82,6 +82,7 @@ function OneJob({ started, onDone, onDismiss }: { started: Job; onDone: () => vo
 /** One job and its progress. */
 export function useJob(started: Job, onEnd: (job: Job) => void): Job {
   const [job, setJob] = useState(started);
+  // biome-ignore lint/correctness/useExhaustiveDependencies: one stream for the job, whatever the list says of it later
   useEffect(() => {
     if (isFinal(started)) return;
     const abort = new AbortController();

@@ -12,6 +12,11 @@ export interface Series {
   dashed?: boolean;
 }
 
+/** Height of a low chart. */
+export const LOW = 140;
+/** A drawn range is at least this wide, in pixels. */
+const DRAWN_MIN = 6;
+
 interface Props {
   label: string;
   /** Label of the x axis and of the table's first column. */
@@ -28,8 +33,16 @@ interface Props {
   legend?: boolean;
   /** Whether x is a count, with integer ticks. */
   wholeX?: boolean;
+  /** Whether the scale of values begins at 0. */
+  fromZero?: boolean;
   onPick?: (x: number) => void;
+  /** Range of x that is shown; undefined for all of it. Charts with the same range move together. */
+  zoom?: Range | undefined;
+  /** Told the range that was drawn with the mouse. */
+  onZoom?: (zoom: Range) => void;
 }
+
+export type Range = [from: number, to: number];
 
 export function Chart(props: Props) {
   const host = useRef<HTMLDivElement>(null);
@@ -54,15 +67,17 @@ export function Chart(props: Props) {
       plot.current = undefined;
     };
   }, [shape]);
+  // biome-ignore lint/correctness/useExhaustiveDependencies: other properties change neither data nor range
   useEffect(() => {
-    plot.current?.setData(data(props));
-  }, [props.x, props.series]);
+    plot.current?.setData(data(props), false);
+    if (plot.current) showRange(plot.current, props);
+  }, [props.x, props.series, props.zoom, shape]);
   useEffect(() => {
     plot.current?.redraw(false);
   }, [props.at]);
   return (
     <figure class="chart">
-      <div ref={host} class={props.height === 140 ? "chart-plot chart-low" : "chart-plot"} role="img" aria-label={props.label} />
+      <div ref={host} class={props.height === LOW ? "chart-plot chart-low" : "chart-plot"} role="img" aria-label={props.label} />
       {props.legend !== false && <Legend series={props.series} />}
       <ChartTable {...props} />
     </figure>
@@ -115,6 +130,11 @@ function ChartTable(props: Props) {
   );
 }
 
+function showRange(plot: uPlot, { x, zoom }: Props): void {
+  const [min, max] = zoom ?? [x[0] ?? 0, x.at(-1) ?? 1];
+  plot.setScale("x", { min, max: Math.max(max, min + 1e-9) });
+}
+
 /** Distances between integer ticks. */
 const WHOLE = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000];
 
@@ -132,11 +152,11 @@ function options(newest: { current: Props }, width: number): uPlot.Options {
     width,
     height: props.height ?? 180,
     legend: { show: false },
-    cursor: { drag: { x: false, y: false }, points: { size: 6 } },
-    scales: { x: { time: false }, y: props.range ? { range: props.range } : {} },
+    cursor: { drag: { x: props.onZoom !== undefined, y: false, setScale: false }, points: { size: 6 } },
+    scales: { x: { time: false }, y: props.range ? { range: props.range } : props.fromZero ? { range: (_, __, most) => [0, Math.max(most, 1e-3) * 1.05] } : {} },
     axes: [
       { ...axis, size: 26, space: 40, ...(props.wholeX ? { incrs: WHOLE } : {}) },
-      { ...axis, size: 50, space: 28, values: (_, ticks) => ticks.map((tick) => (props.tick ?? props.format)(tick)) },
+      { ...axis, size: 50, space: props.height === LOW ? 20 : 28, values: (_, ticks) => ticks.map((tick) => (props.tick ?? props.format)(tick)) },
     ],
     series: [
       {},
@@ -149,6 +169,7 @@ function options(newest: { current: Props }, width: number): uPlot.Options {
       })),
     ],
     hooks: {
+      setSelect: [(drawn) => zoomTo(drawn, newest.current)],
       draw: [(drawn) => mark(drawn, newest.current.at, color("--ink"))],
       ready: [
         (made) =>
@@ -160,6 +181,14 @@ function options(newest: { current: Props }, width: number): uPlot.Options {
       ],
     },
   };
+}
+
+/** Reports the range that was drawn, and removes its drawing. */
+function zoomTo(plot: uPlot, { onZoom }: Props): void {
+  const { left, width } = plot.select;
+  if (width < DRAWN_MIN) return;
+  plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+  onZoom?.([plot.posToVal(left, "x"), plot.posToVal(left + width, "x")]);
 }
 
 /** Line at the position of the replay. */

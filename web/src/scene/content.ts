@@ -26,13 +26,18 @@ export interface Body {
 
 /** A touch in the scene's frame. */
 export interface TouchMark {
+  /** Number of the reading. */
+  id: number;
   position: Vector;
   /** Outward normal, towards the sensor. */
   normal: Vector;
   color: string;
-  selected: boolean;
   /** Whether the touch had contact; otherwise it is drawn as a ring. */
   contact: boolean;
+  /** How plainly it is drawn, 0 to 1. */
+  strength: number;
+  /** Half the width of the sensor's pad, in metres; undefined if the sensor is unknown. */
+  reach: number | undefined;
 }
 
 /** A suggested approach: from its start along its direction. */
@@ -49,7 +54,10 @@ export interface Content {
   approaches: ApproachMark[];
   /** Patches on the surface, in the frame of the first body. */
   patches: SurfacePoint[];
+  /** A pose with its 6 × 6 covariance, in the order of ROS, drawn as an ellipsoid and cones. */
+  uncertain?: { pose: Pose; covariance: number[] };
+  /** Touches whose surroundings on the first body are not tinted; undefined tints nothing. */
+  covering?: TouchMark[];
 }
 
-export const NOTHING: Content = { bodies: [], touches: [], approaches: [], patches: [] };
 export const IDENTITY: Pose = { position: [0, 0, 0], orientation: [0, 0, 0, 1] };

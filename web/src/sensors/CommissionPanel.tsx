@@ -32,6 +32,10 @@ export function CommissionPanel({ sensor, onApplied }: { sensor: Sensor; onAppli
       setFound(await sendJson<Commissioning>("POST", `/v1/sensors/${sensor.id}/commissionings`, { ...touched, readings: touches!.readings, apply }));
       if (apply) onApplied();
     });
+  const compare = (event: Event) => {
+    event.preventDefault();
+    run(false);
+  };
   const take = async (file: File | undefined) => {
     if (!file) return;
     const readings = readingsIn(await file.text());
@@ -46,7 +50,7 @@ export function CommissionPanel({ sensor, onApplied }: { sensor: Sensor; onAppli
           {(one) => (one === null ? <p class="faint">Not commissioned: readings count as they are sent.</p> : <Passport passport={one} />)}
         </Show>
         {isTeaching && (
-          <form class="stack" onSubmit={(event) => (event.preventDefault(), run(false))}>
+          <form class="stack" onSubmit={compare}>
             <p>Touch one known object about twenty times, on faces with different normals, edges and corners, and give the touches as your driver sends them.</p>
             <div class="field">
               <label for="touched">Touched object or reference body</label>

@@ -66,10 +66,10 @@ function drawing({ layout, description: { grid } }: Sensor): string {
 function Described({ sensor }: { sensor: Sensor }) {
   const { description } = sensor;
   const isDark = dark.value;
-  const x = useMemo(() => description.force_curve.map((knot) => knot.displacement * 1000), [sensor]);
+  const x = useMemo(() => description.force_curve.map((knot) => knot.displacement * 1000), [description.force_curve]);
   const series = useMemo(
     (): Series[] => [{ label: "pressure (kPa)", color: seriesColor(0), values: description.force_curve.map((knot) => knot.pressure / 1000) }],
-    [sensor, isDark],
+    [description.force_curve, isDark],
   );
   return (
     <Panel title="Description">
@@ -179,10 +179,12 @@ function Taxels({ calibration }: { calibration: SensorCalibration }) {
   );
 }
 
+const DEPTHS_MM = [0, 0.2, 0.4, 0.6];
+
 /** Pressure over depth: a thin line per usable taxel, a thick one for the target. */
 function Lines({ calibration }: { calibration: SensorCalibration }) {
   const isDark = dark.value;
-  const x = useMemo(() => [0, 0.2, 0.4, 0.6], []);
+  const x = DEPTHS_MM;
   const series = useMemo((): Series[] => {
     const line = (slope: number, offset: number) => x.map((depth) => (slope * depth) / 1e6 + offset / 1000);
     const usable = calibration.taxels.filter((taxel) => taxel.state === "ok");

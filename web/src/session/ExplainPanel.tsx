@@ -1,4 +1,5 @@
 // Contributions of the readings in bits, and the readings that disagree.
+import { useEffect, useRef } from "preact/hooks";
 import { bitsColor, mm, percent, signedBits } from "../format";
 import { Loading, ProblemNote } from "../parts/Notes";
 import { Badge, Panel } from "../parts/Panel";
@@ -17,6 +18,12 @@ export function ExplainPanel({ model, selected, select }: Props) {
   const problem = model.explainProblem.value;
   const tints = model.tints.value;
   const action = useAction();
+  const list = useRef<HTMLDivElement>(null);
+  useEffect(() => {
+    const row = list.current?.querySelector<HTMLElement>(".chosen");
+    // Only the list is scrolled, not the page.
+    if (row && list.current) list.current.scrollTop = row.offsetTop - list.current.clientHeight / 2;
+  }, [selected]);
   const isOpen = model.session.value?.state === "open" && may("robot", "admin");
   const nAgainst = explanation?.readings.filter((one) => one.disagrees).length ?? 0;
   const isStale = explanation !== undefined && explanation.revision !== model.revision.value;
@@ -43,7 +50,7 @@ export function ExplainPanel({ model, selected, select }: Props) {
           )}
           {model.coloring.value === "fit" && <p class="faint">Bars show how well each reading fits the others, because no single one changes the answer any more.</p>}
           {!explanation.complete && <p class="faint">Time ran out; some readings were not compared.</p>}
-          <div class="scroll explain" tabIndex={0} role="region" aria-label="Contributions of readings">
+          <div ref={list} class="scroll explain" tabIndex={0} role="region" aria-label="Contributions of readings">
             <table>
               <thead>
                 <tr>

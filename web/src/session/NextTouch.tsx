@@ -3,11 +3,12 @@ import { useEffect, useState } from "preact/hooks";
 import type { NextTouch as Touch, NextTouches, Problem } from "../api/types";
 import { sendJson } from "../api/http";
 import { persist, problemFrom } from "../api/resource";
-import { bits, percent } from "../format";
+import { bits, decimal, percent } from "../format";
 import { Panel } from "../parts/Panel";
 import type { SessionModel } from "./model";
 
 const N = 3;
+const LEAST_BITS = 0.01;
 const DEADLINE_MS = 400;
 /** Pause without new readings before suggestions are requested, so that a busy robot does not wait. */
 const QUIET_MS = 900;
@@ -33,21 +34,33 @@ export function useNextTouches(model: SessionModel): Suggested {
   useEffect(() => {
     if (why !== undefined || sensor === undefined) return;
     const abort = new AbortController();
+    const settle = (found: NextTouches | undefined, failed: Problem | undefined) => {
+      if (abort.signal.aborted) return;
+      setAnswer(found);
+      setProblem(failed);
+    };
     const timer = setTimeout(() => {
       const asked = { sensor, n: N, recenters: true, deadline_ms: DEADLINE_MS };
       const request = () => sendJson<NextTouches>("POST", `/v1/sessions/${model.id}/next-touches`, asked);
       persist(request, abort.signal, setProblem).then(
-        (found) => abort.signal.aborted || (setAnswer(found), setProblem(undefined)),
-        (error: unknown) => abort.signal.aborted || (setAnswer(undefined), setProblem(problemFrom(error))),
+        (found) => settle(found, undefined),
+        (error: unknown) => settle(undefined, problemFrom(error)),
       );
     }, QUIET_MS);
     return () => {
       clearTimeout(timer);
       abort.abort();
     };
-  }, [why, sensor, revision]);
+  }, [model.id, why, sensor, revision]);
   const isCurrent = model.at.value === null && answer?.revision === revision && why === undefined;
-  return { why, answer, problem, shown: isCurrent ? answer.touches : NONE };
+  const learnt = answer !== undefined && answer.touches.length > 0 && !answer.touches.some(wouldTeach);
+  const told = learnt ? "Nothing left to learn: no touch would add a hundredth of a bit." : undefined;
+  return { why: why ?? told, answer, problem, shown: isCurrent && !learnt ? answer.touches : NONE };
+}
+
+/** Whether a touch is expected to say anything about the identity or the pose. */
+export function wouldTeach(touch: Pick<Touch, "information_bits" | "pose_bits">): boolean {
+  return touch.information_bits + (touch.pose_bits ?? 0) >= LEAST_BITS;
 }
 
 function reason(state: string | undefined, method: string | undefined, revision: number): string | undefined {
@@ -77,7 +90,7 @@ export function NextTouchPanel({ next }: { next: Suggested }) {
             <tbody>
               {next.answer.touches.map((touch, place) => (
                 <tr key={place}>
-                  <th scope="row">{touch.pose.position.map((part) => (part * 1000).toFixed(0)).join(", ")}</th>
+                  <th scope="row">{touch.pose.position.map((part) => decimal(part * 1000, 0)).join(", ")}</th>
                   <td class="num">{bits(touch.information_bits)}</td>
                   <td class="num">{bits(touch.pose_bits)}</td>
                   <td class="num">{percent(touch.contact_probability)}</td>

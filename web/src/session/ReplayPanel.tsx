@@ -32,7 +32,7 @@ export function ReplayPanel({ model }: { model: SessionModel }) {
       clearTimeout(timer);
       cancelAnimationFrame(frame);
     };
-  }, [playing]);
+  }, [model, playing]);
   const play = () => {
     if (!playing && revision >= newest) void model.show(0);
     setPlaying(!playing);

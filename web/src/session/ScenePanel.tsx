@@ -1,39 +1,63 @@
 // The likeliest object in its pose, in 3-D, with its touches, and the same as a table.
-import { useEffect, useMemo, useState } from "preact/hooks";
+import { useEffect, useMemo, useRef, useState } from "preact/hooks";
 import { persist } from "../api/resource";
 import type { NextTouch } from "../api/types";
 import { colorsVersion, objectColor } from "../colors";
-import { dark, mm, percent, signedBits } from "../format";
+import { dark, mm, percent, plural, shortId, signedBits } from "../format";
 import { Badge, Panel } from "../parts/Panel";
 import type { Shape } from "../scene/content";
+import type { Stage } from "../scene/stage";
 import { Stage3D } from "../scene/Stage3D";
-import { contentOf, counts } from "./content";
+import { contentOf, type Layers } from "./content";
 import type { ColorBy, SessionModel } from "./model";
+import { savePicture } from "./savePicture";
 import { shapeOf } from "./shapes";
+import { TouchTable } from "./TouchTable";
 
-export function ScenePanel(props: { model: SessionModel; selected: number | undefined; next: NextTouch[] }) {
-  const { model, selected, next } = props;
-  const [ghosts, setGhosts] = useState(true);
+interface Props {
+  model: SessionModel;
+  selected: number | undefined;
+  select: (number: number | undefined) => void;
+  next: NextTouch[];
+}
+
+const LAYERS: [keyof Layers, string][] = [
+  ["touches", "Touches"],
+  ["faded", "Older ones faint"],
+  ["ghosts", "Other hypotheses"],
+  ["uncertainty", "Uncertainty"],
+  ["untouched", "Not touched"],
+];
+
+export function ScenePanel({ model, selected, select, next }: Props) {
+  const [layers, setLayers] = useState<Layers>({ touches: true, faded: true, ghosts: true, uncertainty: false, untouched: false });
+  const [hovered, setHovered] = useState<number>();
+  const [share, setShare] = useState<number>();
+  const stage = useRef<Stage | undefined>(undefined);
   const shapes = useShapes(model);
   const belief = model.shown.value;
   const revision = model.shownRevision.value;
   const isStale = model.isStale.value;
   const readings = model.readings.value;
   const tints = model.tints.value;
-  const by = model.coloring.value;
   const sensors = model.sensors.value;
   const isDark = dark.value;
   const colors = colorsVersion();
   const content = useMemo(
-    () => contentOf({ belief, revision, readings, tints, sensors, shapes, selected, next, ghosts }),
-    [belief, revision, readings, tints, sensors, shapes, selected, next, ghosts, isDark, colors],
+    () => contentOf({ belief, revision, readings, tints, sensors, shapes, next, layers }),
+    [belief, revision, readings, tints, sensors, shapes, next, layers, isDark, colors],
   );
   const isEmpty = belief !== undefined && belief.poses.length === 0 && content.touches.length === 0;
   const best = belief?.poses[0];
   const others = (belief?.poses ?? []).slice(1, 5).filter((pose) => pose.weight >= 0.02);
   const label = best
-    ? `${best.name} at ${best.pose.position.map(mm).join(", ")}, ${content.touches.length} touches, ${others.length} other hypotheses`
-    : `No pose yet, ${content.touches.length} touches`;
+    ? `${best.name} at ${best.pose.position.map(mm).join(", ")}, ${plural(content.touches.length, "touch", "touches")}, ${plural(others.length, "other hypothesis", "other hypotheses")}`
+    : `No pose yet, ${plural(content.touches.length, "touch", "touches")}`;
+  const save = () => {
+    const likeliest = belief?.objects[0];
+    const believed = likeliest ? `${likeliest.name} ${percent(likeliest.probability)}, ` : "";
+    void savePicture(stage.current, `${believed}revision ${revision}, session ${shortId(model.id)}`, `palpate-${shortId(model.id)}-${revision}`);
+  };
   return (
     <Panel
       title="Pose"
@@ -41,36 +65,77 @@ export function ScenePanel(props: { model: SessionModel; selected: number | unde
       aside={
         <>
           {isStale && <Badge kind="warn">still revision {revision}</Badge>}
-          <button type="button" class="small" aria-pressed={ghosts} onClick={() => setGhosts(!ghosts)}>
-            Other hypotheses
-          </button>
+          <button type="button" class="small" onClick={save}>Save picture</button>
         </>
       }
     >
-      <Stage3D content={content} label={label} note={`frame ${model.session.value?.frame_id ?? "of the session"} · drag or arrow keys rotate, + and − zoom`}
+      <Stage3D content={content} label={label} selected={selected} onSelect={select} onHover={setHovered} onCovered={setShare}
+        onReady={(ready) => { stage.current = ready; }}
+        note={`frame ${model.session.value?.frame_id ?? "of the session"} · drag, two fingers or arrow keys rotate · + and −, or Ctrl and the wheel, zoom`}
         {...(isEmpty ? { empty: nothing(model) } : {})} />
-      <div class="layers">
-        <label class="key">
-          Touches by
-          <select value={by} onChange={(event) => (model.colorBy.value = event.currentTarget.value as ColorBy)}>
-            <option value="bits">bits contributed</option>
-            <option value="fit">fit with the others</option>
-          </select>
-        </label>
-        <span class="key">
-          {by === "bits" ? "against" : "unfit"} <span class="ramp" aria-hidden="true" /> {by === "bits" ? "for the answer, ±4 bit" : "fits, ±16 bit"}
-        </span>
-        {others.map((pose, place) => (
-          <span key={place} class="key">
-            <span class="dot" style={{ background: objectColor(pose.name) }} aria-hidden="true" />
-            {pose.name} {percent(pose.weight)}
-          </span>
+      <div class="layers" role="group" aria-label="Layers">
+        {LAYERS.map(([layer, name]) => (
+          <button key={layer} type="button" class="small" aria-pressed={layers[layer]} onClick={() => setLayers((before) => ({ ...before, [layer]: !before[layer] }))}>
+            {name}
+          </button>
         ))}
-        {next.length > 0 && <span class="key">green arrow: where to touch next</span>}
       </div>
-      <TouchTable model={model} />
+      <Keys model={model} layers={layers} share={share} hasNext={next.length > 0} />
+      <p class="touch-say" role="status">{touchWords(model, hovered ?? selected)}</p>
+      <TouchTable model={model} selected={selected} select={select} />
     </Panel>
   );
+}
+
+/** What colours and shapes mean. */
+function Keys({ model, layers, share, hasNext }: { model: SessionModel; layers: Layers; share: number | undefined; hasNext: boolean }) {
+  const by = model.coloring.value;
+  const truth = model.session.value?.truth;
+  const others = (model.shown.value?.poses ?? []).slice(1, 5).filter((pose) => pose.weight >= 0.02);
+  return (
+    <div class="layers">
+      <label class="key">
+        Touches by
+        <select value={by} onChange={(event) => { model.colorBy.value = event.currentTarget.value as ColorBy; }}>
+          <option value="bits">bits contributed</option>
+          <option value="fit">fit with the others</option>
+        </select>
+      </label>
+      <span class="key">
+        {by === "bits" ? "against" : "unfit"} <span class="ramp" aria-hidden="true" /> {by === "bits" ? "for the answer" : "fits"}, ±{model.fullAt.value.toFixed(0)} bit
+      </span>
+      {layers.ghosts && others.map((pose, place) => (
+        <span key={place} class="key">
+          <span class="dot" style={{ background: objectColor(pose.name) }} aria-hidden="true" />
+          {pose.name} {percent(pose.weight)}
+        </span>
+      ))}
+      {hasNext && <span class="key">green arrow: where to touch next</span>}
+      {layers.uncertainty && <span class="key">ellipsoid and cones: position and axes of the object, 2 standard deviations</span>}
+      {layers.untouched && share !== undefined && (
+        <span class="key"><span class="dot dot-untouched" aria-hidden="true" />farther than half a pad from every touch: {percent(1 - share)} of the surface</span>
+      )}
+      {truth && (
+        <span class="key">
+          <Badge kind={truth.was_right ? "good" : "bad"}>it was {truth.name ?? "none of the known objects"}</Badge> believed with {percent(truth.probability)}
+        </span>
+      )}
+    </div>
+  );
+}
+
+/** What is known of a touch. */
+function touchWords(model: SessionModel, number: number | undefined): string {
+  if (number === undefined) return "Click a touch to see what it says.";
+  const one = model.explanation.value?.readings.find((reading) => reading.number === number);
+  const height = one?.misfit?.height_m;
+  const words = [
+    typeof one?.bits === "number" ? `${signedBits(one.bits)} bit` : "not compared yet",
+    ...(typeof one?.fit_bits === "number" ? [`fit ${signedBits(one.fit_bits)} bit`] : []),
+    ...(typeof height === "number" ? [`${mm(Math.abs(height))} ${height < 0 ? "below" : "above"} the surface`] : []),
+    ...(one?.disagrees ? ["disagrees"] : []),
+  ];
+  return `Reading ${number + 1}: ${words.join(", ")}.`;
 }
 
 /** Why the scene is empty. */
@@ -88,7 +153,9 @@ function useShapes(model: SessionModel): Map<string, Shape> {
   useEffect(() => {
     if (version === undefined) return;
     const abort = new AbortController();
-    for (const object of wanted.split(",").filter((one) => one !== "")) {
+    const objects = wanted.split(",").filter((one) => one !== "");
+    setShapes((before) => new Map([...before].filter(([object]) => objects.includes(object))));
+    for (const object of objects) {
       persist(() => shapeOf(version, object), abort.signal).then(
         (shape) => setShapes((before) => (before.get(object) === shape ? before : new Map(before).set(object, shape))),
         () => {
@@ -99,43 +166,4 @@ function useShapes(model: SessionModel): Map<string, Shape> {
     return () => abort.abort();
   }, [version, wanted]);
   return shapes;
-}
-
-function TouchTable({ model }: { model: SessionModel }) {
-  const revision = model.shownRevision.value;
-  const contributed = new Map(model.explanation.value?.readings.map((one) => [one.number, one.bits]));
-  const touched = model.readings.value.filter((reading) => reading.pose && counts(reading, revision));
-  return (
-    <details class="behind">
-      <summary>Touches as a table</summary>
-      <div class="scroll" tabIndex={0} role="region" aria-label="Touches">
-        <table>
-          <thead>
-            <tr>
-              <th scope="col">Reading</th>
-              <th scope="col">Position (mm)</th>
-              <th scope="col">Sensor direction</th>
-              <th scope="col" class="num">Bits</th>
-            </tr>
-          </thead>
-          <tbody>
-            {touched.map((reading) => (
-              <tr key={reading.number}>
-                <th scope="row">{reading.number + 1}</th>
-                <td class="num-left">{reading.pose!.position.map((part) => (part * 1000).toFixed(1)).join(", ")}</td>
-                <td>{direction(reading.pose!.orientation)}</td>
-                <td class="num">{signedBits(contributed.get(reading.number))}</td>
-              </tr>
-            ))}
-          </tbody>
-        </table>
-      </div>
-    </details>
-  );
-}
-
-function direction(q: number[]): string {
-  const [x = 0, y = 0, z = 0, w = 1] = q;
-  const along = [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)];
-  return along.map((part) => part.toFixed(2)).join(", ");
 }

@@ -1,6 +1,7 @@
 // One session: belief, pose, touches and history.
 import { useEffect, useMemo, useState } from "preact/hooks";
 import { announce } from "../announce";
+import { answerOf, titleOf } from "../belief";
 import { percent, plural, shortId, when } from "../format";
 import { Empty, Loading, ProblemNote } from "../parts/Notes";
 import { Live } from "../parts/Live";
@@ -21,7 +22,7 @@ import { ScenePanel } from "./ScenePanel";
 import { StripPanel } from "./StripPanel";
 
 export function SessionView({ id, at }: { id: string; at: number | null }) {
-  const model = useMemo(() => new SessionModel(id, at), [id]);
+  const model = useMemo(() => new SessionModel(id, at), [id, at]);
   const [closing, setClosing] = useState(false);
   const [selected, select] = useState<number>();
   const action = useAction();
@@ -33,6 +34,7 @@ export function SessionView({ id, at }: { id: string; at: number | null }) {
   useLinkToMoment(model);
   const next = useNextTouches(model);
   const session = model.session.value;
+  const title = useBelievedTitle(model);
   if (session === undefined) {
     return (
       <>
@@ -41,11 +43,10 @@ export function SessionView({ id, at }: { id: string; at: number | null }) {
       </>
     );
   }
-  const robots = [...new Set(model.readings.value.flatMap((reading) => reading.robot ?? []))];
   return (
     <>
       <ViewHead
-        title={robots.length > 0 ? robots.join(", ") : `Session ${shortId(id)}`}
+        title={title}
         sub={
           <>
             <a href={link("models", session.catalogue, session.version)}>
@@ -72,7 +73,7 @@ export function SessionView({ id, at }: { id: string; at: number | null }) {
       {closing && <CloseDialog model={model} onClose={() => setClosing(false)} />}
       <div class="session">
         <div class="stack">
-          <ScenePanel model={model} selected={selected} next={next.shown} />
+          <ScenePanel model={model} selected={selected} select={select} next={next.shown} />
           <ReplayPanel model={model} />
           <StripPanel model={model} selected={selected} select={select} />
           <ExplainPanel model={model} selected={selected} select={select} />
@@ -90,11 +91,25 @@ export function SessionView({ id, at }: { id: string; at: number | null }) {
 
 /** Keeps the address of the page a link to the shown revision. */
 function useLinkToMoment(model: SessionModel): void {
+  const { id } = model;
   const at = model.at.value;
   const isLoaded = model.session.value !== undefined;
   useEffect(() => {
-    if (isLoaded) history.replaceState(null, "", at === null ? link("sessions", model.id) : link("sessions", model.id, "at", at));
-  }, [at, isLoaded]);
+    if (isLoaded) history.replaceState(null, "", at === null ? link("sessions", id) : link("sessions", id, "at", at));
+  }, [id, at, isLoaded]);
+}
+
+/** The title of the page and of its tab: what is believed now, of which robots. */
+function useBelievedTitle(model: SessionModel): string {
+  const newest = model.newest.value;
+  const robots = [...new Set(model.readings.value.flatMap((reading) => reading.robot ?? []))];
+  const whose = robots.length > 0 ? robots.join(", ") : `session ${shortId(model.id)}`;
+  const title = titleOf(answerOf(newest, newest?.n_readings ?? 0), whose);
+  const isLoaded = model.session.value !== undefined;
+  useEffect(() => {
+    if (isLoaded) document.title = `${title} · Palpate`;
+  }, [title, isLoaded]);
+  return title;
 }
 
 /** Announces when the likeliest object changes or becomes sure. */
@@ -105,6 +120,7 @@ function useBeliefAnnouncements(model: SessionModel): void {
   const name = isUnknown ? "none of the known objects" : best?.name;
   const p = isUnknown ? (belief?.unknown ?? 0) : (best?.probability ?? 0);
   const level = p >= 0.95 ? "sure" : p >= 0.5 ? "likely" : "open";
+  // biome-ignore lint/correctness/useExhaustiveDependencies: says the change of an answer, not every reading
   useEffect(() => {
     if (belief === undefined || belief.n_readings === 0 || name === undefined) return;
     announce(`After ${plural(belief.n_readings, "reading")}: ${name}, ${percent(p)}`);

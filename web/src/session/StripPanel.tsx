@@ -1,5 +1,5 @@
 // The strip of tactile images, with contributions and disagreements.
-import { useMemo } from "preact/hooks";
+import { useEffect, useMemo, useRef } from "preact/hooks";
 import type { SessionReading } from "../api/types";
 import { bitsColor, kPa, signedBits } from "../format";
 import { Panel } from "../parts/Panel";
@@ -7,6 +7,9 @@ import { TactileImage, type Image } from "../parts/TactileImage";
 import { upright } from "../scene/vectors";
 import { counts } from "./content";
 import type { SessionModel } from "./model";
+
+/** A strip that ends farther to the right than this, in pixels, was scrolled back. */
+const ELSEWHERE = 120;
 
 interface Props {
   model: SessionModel;
@@ -31,13 +34,14 @@ export function StripPanel({ model, selected, select }: Props) {
     return all.reduce((a, b) => Math.max(a, b), 1000);
   }, [images]);
   const tints = model.tints.value;
+  const strip = useStrip(selected ?? lastCounted(readings, model.at.value), readings.length);
   const contributed = new Map(model.explanation.value?.readings.map((one) => [one.number, one]));
   return (
-    <Panel title="Tactile images" aside={<span>dark 0 · bright {kPa(most)}</span>}>
+    <Panel title="Tactile images" aside={<span class="key">0 <span class="ramp ramp-heat" aria-hidden="true" /> {kPa(most)}</span>}>
       {readings.length === 0 ? (
         <p class="faint">No reading yet.</p>
       ) : (
-        <ol class="strip" aria-label="Readings">
+        <ol ref={strip} class="strip" aria-label="Readings">
           {readings.map((reading, i) => {
             const one = contributed.get(reading.number);
             return (
@@ -56,8 +60,8 @@ export function StripPanel({ model, selected, select }: Props) {
                     {reading.number + 1}
                   </span>
                   <span class="num faint">
-                    {one?.disagrees ? "disagrees" : signedBits(one?.bits)}
-                    <span class="visually-hidden"> bit, {describe(reading, images[i])}</span>
+                    {one?.disagrees ? "disagrees" : signedBits(model.valueOf(one))}
+                    <span class="visually-hidden"> bit {model.coloring.value === "bits" ? "contributed" : "of fit"}, {describe(reading, images[i])}</span>
                   </span>
                 </button>
               </li>
@@ -67,6 +71,31 @@ export function StripPanel({ model, selected, select }: Props) {
       )}
     </Panel>
   );
+}
+
+/** The number of the last reading that counts at a revision; the newest one for null. */
+function lastCounted(readings: SessionReading[], at: number | null): number | undefined {
+  return (at === null ? readings : readings.filter((reading) => counts(reading, at))).at(-1)?.number;
+}
+
+/** Scrolls the strip to a reading when it changes, and to new readings unless somebody looks at older ones. */
+function useStrip(shown: number | undefined, nReadings: number) {
+  const strip = useRef<HTMLOListElement>(null);
+  const before = useRef({ shown, nReadings: 0, end: 0 });
+  useEffect(() => {
+    const list = strip.current;
+    if (list === null) return;
+    const was = before.current;
+    const isGrown = nReadings > was.nReadings;
+    // Where the strip ended before the new readings were there.
+    const isElsewhere = isGrown && was.nReadings > 0 && list.scrollLeft + list.clientWidth < was.end - ELSEWHERE;
+    const item = list.children[shown ?? -1] as HTMLElement | undefined;
+    if (item !== undefined && !isElsewhere && (isGrown || shown !== was.shown)) {
+      list.scrollLeft = item.offsetLeft + item.offsetWidth / 2 - list.clientWidth / 2;
+    }
+    before.current = { shown, nReadings, end: list.scrollWidth };
+  }, [shown, nReadings]);
+  return strip;
 }
 
 function shade(reading: SessionReading, revision: number): string {

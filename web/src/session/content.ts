@@ -16,21 +16,46 @@ export interface Seen {
   tints: Map<number, number | null | undefined>;
   sensors: Map<string, Sensor>;
   shapes: Map<string, Shape>;
-  selected: number | undefined;
   next: NextTouch[];
+  layers: Layers;
+}
+
+/** What is drawn, as chosen. */
+export interface Layers {
+  touches: boolean;
+  /** Whether older touches are faint. */
+  faded: boolean;
   ghosts: boolean;
+  uncertainty: boolean;
+  /** Whether the surface that was not touched is tinted. */
+  untouched: boolean;
+}
+
+/** Touches drawn at full strength, those that grow fainter before them, and the strength of the oldest. */
+const FRESH = 8;
+const AGING = 24;
+const OLDEST = 0.2;
+
+/** How plainly a touch is drawn that this many others have followed. */
+export function strengthOf(followers: number): number {
+  return Math.max(OLDEST, Math.min(1, 1 - ((followers - FRESH + 1) / AGING) * (1 - OLDEST)));
 }
 
 export function contentOf(seen: Seen): Content {
+  const { layers, belief } = seen;
+  const all = touches(seen);
+  const best = belief?.poses[0];
   return {
     bodies: bodies(seen),
-    touches: touches(seen),
+    touches: layers.touches ? all : [],
     approaches: seen.next.map(approach),
     patches: [],
+    ...(layers.uncertainty && best ? { uncertain: { pose: best.pose, covariance: best.covariance } } : {}),
+    ...(layers.untouched ? { covering: all } : {}),
   };
 }
 
-function bodies({ belief, shapes, ghosts }: Seen): Body[] {
+function bodies({ belief, shapes, layers: { ghosts } }: Seen): Body[] {
   const poses = (belief?.poses ?? []).slice(0, 5);
   return poses.flatMap((hypothesis, place): Body[] => {
     const shape = shapes.get(hypothesis.object);
@@ -47,33 +72,34 @@ export function counts(reading: SessionReading, revision: number): boolean {
   return reading.number < revision && !(typeof withdrawn === "number" && withdrawn <= revision);
 }
 
-function touches({ readings, revision, tints, sensors, selected }: Seen): TouchMark[] {
-  return readings.flatMap((reading): TouchMark[] => {
-    const sensor = sensors.get(reading.sensor);
-    if (!counts(reading, revision)) return [];
-    if (reading.contact) {
-      const { position, normal, touched } = reading.contact;
-      return [{
-        position: position as Vector,
-        // Without a normal the mark stands upright.
-        normal: (normal ?? [0, 0, 1]) as Vector,
-        color: bitsColor(tints.get(reading.number)),
-        selected: reading.number === selected,
-        contact: touched !== false,
-      }];
-    }
-    if (!reading.pose) return [];
-    const image = sensor === undefined ? undefined : upright(sensor, reading.image as (number | null)[]);
-    const centre = sensor === undefined || image === undefined ? null : centreOfPressure(sensor, image);
-    const normal = rotate(reading.pose.orientation, [0, 0, -1]);
-    return [{
-      position: transform(reading.pose, centre ?? [0, 0, 0]),
-      normal,
-      color: bitsColor(tints.get(reading.number)),
-      selected: reading.number === selected,
-      contact: centre !== null,
-    }];
+function touches({ readings, revision, tints, sensors, layers }: Seen): TouchMark[] {
+  const marks = readings.filter((reading) => counts(reading, revision)).flatMap((reading): TouchMark[] => {
+    const place = placeOf(reading, sensors.get(reading.sensor));
+    if (place === undefined) return [];
+    return [{ ...place, id: reading.number, color: bitsColor(tints.get(reading.number)), strength: 1, reach: reachOf(sensors.get(reading.sensor)) }];
   });
+  return layers.faded ? marks.map((mark, i) => ({ ...mark, strength: strengthOf(marks.length - 1 - i) })) : marks;
+}
+
+/** Where a reading touched, and against what; undefined without a pose. */
+function placeOf(reading: SessionReading, sensor: Sensor | undefined): Pick<TouchMark, "position" | "normal" | "contact"> | undefined {
+  if (reading.contact) {
+    const { position, normal, touched } = reading.contact;
+    // Without a normal the mark stands upright.
+    return { position: position as Vector, normal: (normal ?? [0, 0, 1]) as Vector, contact: touched !== false };
+  }
+  if (!reading.pose) return undefined;
+  const image = sensor === undefined ? undefined : upright(sensor, reading.image as (number | null)[]);
+  const centre = sensor === undefined || image === undefined ? null : centreOfPressure(sensor, image);
+  const normal = rotate(reading.pose.orientation, [0, 0, -1]);
+  return { position: transform(reading.pose, centre ?? [0, 0, 0]), normal, contact: centre !== null };
+}
+
+/** Half the width of a sensor's pad, in metres. */
+function reachOf(sensor: Sensor | undefined): number | undefined {
+  if (sensor === undefined) return undefined;
+  const { rows, cols, pitch } = sensor.description.grid;
+  return (Math.min(rows, cols) * pitch) / 2;
 }
 
 function approach(touch: NextTouch, place: number): ApproachMark {

@@ -22,8 +22,8 @@ export type ColorBy = "bits" | "fit";
 
 /** Below this, a reading contributes nothing: no single reading changes a sure answer. */
 const BITS_MIN = 0.05;
-/** Fits reach 18 bits, contributions a few. */
-const FIT_SCALE = 4;
+/** Bits at which colours are full; the scale of fits ends at the largest one, if that is larger. */
+export const FULL_BITS = 4;
 
 const REPLAY_PAGE = 200;
 /** Explaining refolds the readings without each of them, so it waits until readings pause. */
@@ -68,15 +68,21 @@ export class SessionModel {
     const hasFit = readings.some((one) => typeof one.fit_bits === "number");
     return this.colorBy.value ?? (isSaturated && hasFit ? "fit" : "bits");
   });
+  /** Bits at which a colour is full. */
+  readonly fullAt = computed(() => {
+    const fits = (this.explanation.value?.readings ?? []).map((one) => Math.abs(one.fit_bits ?? 0));
+    return this.coloring.value === "bits" ? FULL_BITS : Math.max(FULL_BITS, ...fits);
+  });
   /** Value that colours a reading, on the scale of bits. */
   readonly tints = computed(() => {
-    const by = this.coloring.value;
-    const tint = (one: ReadingContribution) => {
-      if (by === "bits") return one.bits;
-      return typeof one.fit_bits === "number" ? one.fit_bits / FIT_SCALE : null;
-    };
-    return new Map(this.explanation.value?.readings.map((one) => [one.number, tint(one)]));
+    const scale = FULL_BITS / this.fullAt.value;
+    const tint = (bits: number | null | undefined) => (typeof bits === "number" ? bits * scale : null);
+    return new Map(this.explanation.value?.readings.map((one) => [one.number, tint(this.valueOf(one))]));
   });
+  /** The value of a reading that is shown and coloured, in bits. */
+  valueOf(one: ReadingContribution | undefined): number | null | undefined {
+    return this.coloring.value === "bits" ? one?.bits : one?.fit_bits;
+  }
   private lastShown: Belief | undefined;
   private readonly abort = new AbortController();
   private explainTimer: ReturnType<typeof setTimeout> | undefined;
@@ -250,7 +256,8 @@ export class SessionModel {
   }
 }
 
-function stepOf(belief: Belief): Step {
+/** The step that a live belief makes. */
+export function stepOf(belief: Belief): Step {
   return {
     revision: belief.revision,
     nReadings: belief.n_readings,

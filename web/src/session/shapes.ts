@@ -2,9 +2,14 @@
 import { ask, getAll, getJson, ProblemError } from "../api/http";
 import type { CatalogueVersion, MapPatch, ObjectInfo, ObjectMap, StoredReading } from "../api/types";
 import type { Shape, SurfacePoint } from "../scene/content";
+import { Kept } from "../scene/kept";
 import { rotate, type Vector } from "../scene/vectors";
 
-const kept = new Map<string, Promise<Shape>>();
+const KEPT_BYTES_MAX = 64e6;
+/** A surface point as it is kept: two vectors of numbers in objects. */
+const POINT_BYTES = 200;
+
+const kept = new Kept<Promise<Shape>>(KEPT_BYTES_MAX);
 
 /** Shape of an object of a version in its own frame, cached. */
 export function shapeOf(version: CatalogueVersion, object: string): Promise<Shape> {
@@ -12,9 +17,16 @@ export function shapeOf(version: CatalogueVersion, object: string): Promise<Shap
   const known = kept.get(id);
   if (known !== undefined) return known;
   const asked = load(version, object, id);
-  asked.catch(() => kept.delete(id));
-  kept.set(id, asked);
+  kept.set(id, asked, 0);
+  asked.then(
+    (shape) => kept.set(id, asked, bytesOf(shape)),
+    () => kept.forget(id),
+  );
   return asked;
+}
+
+function bytesOf(shape: Shape): number {
+  return (shape.mesh?.file.byteLength ?? 0) + (shape.points?.length ?? 0) * POINT_BYTES;
 }
 
 async function load(version: CatalogueVersion, object: string, id: string): Promise<Shape> {

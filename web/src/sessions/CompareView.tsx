@@ -32,11 +32,11 @@ function One({ id }: { id: string }) {
       <Panel title={`Session ${shortId(id)}`} aside={<Badge kind={session.state}>{session.ended ?? session.state}</Badge>}>
         <Facts
           of={[
-            ["Session", <a href={link("sessions", id)}>{shortId(id)}</a>],
+            ["Session", <a key="session" href={link("sessions", id)}>{shortId(id)}</a>],
             ["Robots", (session.touched_by ?? []).join(", ") || "–"],
             ["Readings", plural(session.n_readings, "reading")],
             ["Method", session.method.replaceAll("_", " ")],
-            ["Catalogue", <a href={link("models", session.catalogue, session.version)}>{session.catalogue} version {session.version}</a>],
+            ["Catalogue", <a key="catalogue" href={link("models", session.catalogue, session.version)}>{session.catalogue} version {session.version}</a>],
             ["Truth", truth === undefined ? "–" : `${truth} (${session.truth?.was_right ? "right" : "wrong"})`],
             ["Labels", labelWords(session.labels) || "–"],
             ["Began", when(session.created_at)],

@@ -1,0 +1,8 @@
+// What the page's modules ask of a browser while they load, as far as the unit tests need it.
+globalThis.sessionStorage = { getItem: () => null, setItem() {}, removeItem() {} };
+globalThis.matchMedia = () => ({ matches: false, addEventListener() {} });
+globalThis.document = { hidden: false };
+globalThis.location = { hash: "" };
+const listeners = new EventTarget();
+globalThis.addEventListener = listeners.addEventListener.bind(listeners);
+globalThis.dispatchEvent = listeners.dispatchEvent.bind(listeners);
