@@ -6,6 +6,7 @@
 //! is the order in which modules may use each other: `tests/whole/house.rs` enforces it.
 
 mod clock;
+mod derived;
 mod figures;
 mod process;
 mod secret;

@@ -6,11 +6,12 @@
 //! order. So the belief is the same, bit for bit, with and without it.
 
 use std::fs;
-use std::io::{ErrorKind, Read};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::OnceLock;
 
 use uuid::Uuid;
+
+use crate::derived::DerivedFiles;
 
 /// Magic number of the files: Palpate's checkpoints, first format.
 const MAGIC: [u8; 8] = *b"PALPCHK1";
@@ -18,11 +19,9 @@ const MAGIC: [u8; 8] = *b"PALPCHK1";
 const BYTES_MAX: u64 = 64 << 20;
 const HASH_BYTES: usize = 32;
 
-/// The folder of checkpoints.
+/// The checkpoints of sessions.
 #[derive(Debug)]
-pub(crate) struct Checkpoints {
-    folder: PathBuf,
-}
+pub(crate) struct Checkpoints(DerivedFiles);
 
 /// A checkpoint and the readings behind it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -37,58 +36,29 @@ pub(crate) struct Checkpoint {
 impl Checkpoints {
     /// Checkpoints in a folder that is created with the first one.
     pub(crate) fn new(folder: PathBuf) -> Self {
-        Self { folder }
+        Self(DerivedFiles::new(folder, "a checkpoint", BYTES_MAX))
     }
 
     /// Replaces the session's checkpoint. Blocks.
     pub(crate) fn keep(&self, session: Uuid, checkpoint: &Checkpoint) {
         let Some(program) = program() else { return };
-        let bytes = encode(program, checkpoint);
-        let (path, part) = (self.path(session), self.path(session).with_extension("part"));
-        // Not flushed: a torn file fails its hash, and only costs time.
-        let kept = fs::create_dir_all(&self.folder)
-            .and_then(|()| fs::write(&part, bytes))
-            .and_then(|()| fs::rename(&part, &path));
-        if let Err(error) = kept {
-            tracing::warn!("Cannot keep a checkpoint in {}: {error}", path.display());
-        }
+        self.0.keep(session, &encode(program, checkpoint));
     }
 
     /// The session's checkpoint, if it was made by this program. Blocks.
     pub(crate) fn find(&self, session: Uuid) -> Option<Checkpoint> {
-        let mut bytes = Vec::new();
-        let file = fs::File::open(self.path(session)).ok()?;
-        file.take(BYTES_MAX).read_to_end(&mut bytes).ok()?;
+        let bytes = self.0.find(session)?;
         decode(program()?, &bytes)
     }
 
     /// Removes a session's checkpoint. Blocks.
     pub(crate) fn remove(&self, session: Uuid) {
-        remove(&self.path(session));
+        self.0.remove(session);
     }
 
     /// Removes every file that is not a checkpoint of a session that stays. Blocks.
     pub(crate) fn tidy(&self, stays: impl Fn(Uuid) -> bool) {
-        let Ok(files) = fs::read_dir(&self.folder) else { return };
-        for file in files.flatten() {
-            let path = file.path();
-            let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-            if !Uuid::try_parse(name).is_ok_and(&stays) {
-                remove(&path);
-            }
-        }
-    }
-
-    fn path(&self, session: Uuid) -> PathBuf {
-        self.folder.join(session.simple().to_string())
-    }
-}
-
-fn remove(path: &Path) {
-    if let Err(error) = fs::remove_file(path)
-        && error.kind() != ErrorKind::NotFound
-    {
-        tracing::warn!("Cannot remove {}: {error}", path.display());
+        self.0.tidy(stays);
     }
 }
 
