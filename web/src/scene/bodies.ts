@@ -8,7 +8,7 @@ import type { Body, Content, SurfacePoint, TouchMark } from "./content";
 import { apartness, type Press, touchedShare } from "./coverage";
 import { fineGeometryOf, geometryOf } from "./geometry";
 import type { Theme } from "./studio";
-import { outline } from "./view";
+import { outline, roundLength } from "./view";
 import type { Vector } from "./vectors";
 
 const Z = new Vector3(0, 0, 1);
@@ -51,8 +51,8 @@ export interface Covered {
 /** Draws a body with its untouched surface tinted. */
 export function drawCovered(body: Body, touches: TouchMark[], theme: Theme, radius: number): Covered {
   const presses = pressesOn(body, touches);
-  const least = Math.min(...presses.map((press) => press.reach), radius / 4);
-  const fine = fineGeometryOf(body.shape, least);
+  // Rounded, so that another touch does not divide the surface anew.
+  const fine = fineGeometryOf(body.shape, roundLength(Math.min(...presses.map((press) => press.reach), radius / 4)));
   if (fine === undefined) return coveredPoints(body, presses, theme, radius);
   const positions = fine.getAttribute("position");
   const apart = apartness(positions.array, fine.getAttribute("normal").array, presses);

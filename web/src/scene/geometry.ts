@@ -10,8 +10,11 @@ const KEPT_BYTES_MAX = 96e6;
 /** Edges of a fine surface: at most half a reach, but no more triangles than this, roughly. */
 const FINE_TRIANGLES = 80_000;
 
-// A geometry that is dropped while it is drawn stays in memory, and is given to the graphics card again.
-const kept = new Kept<BufferGeometry>(KEPT_BYTES_MAX, (geometry) => geometry.dispose());
+// A geometry that is dropped while it is drawn is given to the graphics card again; who draws it disposes of it then.
+const kept = new Kept<BufferGeometry>(KEPT_BYTES_MAX, (geometry) => {
+  geometry.userData.isKept = false;
+  geometry.dispose();
+});
 
 /** Geometry of a shape's mesh; undefined without a mesh. */
 export function geometryOf(shape: Shape): BufferGeometry | undefined {

@@ -151,7 +151,7 @@ export class Stage implements Commands {
 
   /** The picture as it is seen, with what is written over it and a caption. */
   picture(caption: string): Promise<Blob | null> {
-    this.renderer.render(this.scene, this.camera);
+    this.render();
     const picture = document.createElement("canvas");
     [picture.width, picture.height] = [this.canvas.width, this.canvas.height];
     const context = picture.getContext("2d")!;
@@ -240,14 +240,18 @@ export class Stage implements Commands {
     if (this.waiting !== 0) return;
     this.waiting = requestAnimationFrame(() => {
       this.waiting = 0;
-      this.renderer.render(this.scene, this.camera);
-      const { clientWidth: width, clientHeight: height } = this.canvas;
-      const away = this.camera.position.distanceTo(this.controlled.target());
-      const metresPerPixel = (2 * away * Math.tan((this.camera.fov * Math.PI) / 360)) / Math.max(1, height);
-      drawOverlay(this.over, { width, height, metresPerPixel, camera: this.camera, theme: this.theme, labels: this.labels() });
+      this.render();
       this.outdated.splice(0).forEach(empty);
     });
   };
+
+  private render(): void {
+    this.renderer.render(this.scene, this.camera);
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const away = this.camera.position.distanceTo(this.controlled.target());
+    const metresPerPixel = (2 * away * Math.tan((this.camera.fov * Math.PI) / 360)) / Math.max(1, height);
+    drawOverlay(this.over, { width, height, metresPerPixel, camera: this.camera, theme: this.theme, labels: this.labels() });
+  }
 
   private readonly resize = (): void => {
     const { clientWidth: width, clientHeight: height } = this.canvas.parentElement ?? this.canvas;

@@ -28,7 +28,7 @@ export function ExplainPanel({ model, selected, select }: Props) {
   const nAgainst = explanation?.readings.filter((one) => one.disagrees).length ?? 0;
   const isStale = explanation !== undefined && explanation.revision !== model.revision.value;
   return (
-    <Panel title="Contributions" class={isStale ? "stale" : ""} aside={isStale ? <Badge kind="warn">still revision {explanation.revision}</Badge> : model.explaining.value ? "comparing …" : nAgainst > 0 ? <Badge kind="bad">{nAgainst} disagree</Badge> : ""}>
+    <Panel title="Contributions" class={isStale ? "stale" : ""} aside={isStale ? <Badge kind="warn">still revision {explanation.revision}</Badge> : model.explaining.value ? "comparing …" : nAgainst > 0 ? <Badge kind="bad">{nAgainst === 1 ? "1 disagrees" : `${nAgainst} disagree`}</Badge> : ""}>
       {problem && <ProblemNote problem={problem} />}
       {action.problem && <ProblemNote problem={action.problem} />}
       {explanation === undefined ? (

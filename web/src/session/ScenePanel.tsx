@@ -1,5 +1,5 @@
 // The likeliest object in its pose, in 3-D, with its touches, and the same as a table.
-import { useEffect, useMemo, useRef, useState } from "preact/hooks";
+import { useEffect, useMemo, useState } from "preact/hooks";
 import { persist } from "../api/resource";
 import type { NextTouch } from "../api/types";
 import { colorsVersion, objectColor } from "../colors";
@@ -33,7 +33,7 @@ export function ScenePanel({ model, selected, select, next }: Props) {
   const [layers, setLayers] = useState<Layers>({ touches: true, faded: true, ghosts: true, uncertainty: false, untouched: false });
   const [hovered, setHovered] = useState<number>();
   const [share, setShare] = useState<number>();
-  const stage = useRef<Stage | undefined>(undefined);
+  const [stage, setStage] = useState<Stage>();
   const shapes = useShapes(model);
   const belief = model.shown.value;
   const revision = model.shownRevision.value;
@@ -56,7 +56,7 @@ export function ScenePanel({ model, selected, select, next }: Props) {
   const save = () => {
     const likeliest = belief?.objects[0];
     const believed = likeliest ? `${likeliest.name} ${percent(likeliest.probability)}, ` : "";
-    void savePicture(stage.current, `${believed}revision ${revision}, session ${shortId(model.id)}`, `palpate-${shortId(model.id)}-${revision}`);
+    void savePicture(stage, `${believed}revision ${revision}, session ${shortId(model.id)}`, `palpate-${shortId(model.id)}-${revision}`);
   };
   return (
     <Panel
@@ -65,12 +65,12 @@ export function ScenePanel({ model, selected, select, next }: Props) {
       aside={
         <>
           {isStale && <Badge kind="warn">still revision {revision}</Badge>}
-          <button type="button" class="small" onClick={save}>Save picture</button>
+          <button type="button" class="small" disabled={stage === undefined} onClick={save}>Save picture</button>
         </>
       }
     >
       <Stage3D content={content} label={label} selected={selected} onSelect={select} onHover={setHovered} onCovered={setShare}
-        onReady={(ready) => { stage.current = ready; }}
+        onReady={setStage}
         note={`frame ${model.session.value?.frame_id ?? "of the session"} · drag, two fingers or arrow keys rotate · + and −, or Ctrl and the wheel, zoom`}
         {...(isEmpty ? { empty: nothing(model) } : {})} />
       <div class="layers" role="group" aria-label="Layers">
