@@ -164,6 +164,7 @@ const chosen = (n) => page.waitForFunction((wanted) => Number(/\d+/.exec(documen
 
 await step("a touch is selected in the view, the strip and the tables alike", async () => {
   const canvas = page.locator(VIEW);
+  await page.locator(`${VIEW}[aria-label*=", ${TOUCHES} touches"]`).waitFor();
   await canvas.focus();
   await page.keyboard.press("Escape");
   await page.getByText("Click a touch to see what it says.").waitFor();
@@ -350,7 +351,7 @@ await step("the 3-D view turns by arrow keys, and everything is reached by Tab",
   await page.goto(`${SERVER}/?tab#/fleet`);
   await page.locator(".fleet-row").first().waitFor();
   const stops = [];
-  for (let i = 0; i < 15; i += 1) {
+  for (let i = 0; i < 20; i += 1) {
     await page.keyboard.press("Tab");
     stops.push(await page.evaluate(() => document.activeElement.textContent.trim() || document.activeElement.getAttribute("aria-label")));
   }
@@ -377,7 +378,7 @@ await step("an alarm that somebody has seen needs nobody any more", async () => 
   await page.getByRole("button", { name: "Seen", exact: true }).click();
   await page.locator(".fleet-row.level-seen").first().waitFor();
   await page.waitForFunction(() => document.querySelectorAll(".level-surprising, .level-stuck").length === 0);
-  assert.equal(await page.title(), "Fleet · Palpate");
+  await page.waitForFunction(() => document.title === "Fleet · Palpate");
   await page.getByText("0 sessions selected").waitFor();
 });
 

@@ -331,38 +331,6 @@ impl Catalogues {
         Ok(made.map(|manifest| manifest.version))
     }
 
-    /// The version for a new session: that of the requested number or alias, or the current one.
-    pub(crate) fn pin(
-        &self,
-        name: &str,
-        version: Option<u32>,
-        alias: Option<&str>,
-    ) -> Result<Pinned, CatalogueError> {
-        let catalogue = self.table.find_by_name(name)?.ok_or_else(|| unknown_catalogue(name))?;
-        let manifest = match (version, alias) {
-            (Some(_), Some(_)) => {
-                let detail = "came with `version`, expected one of the two";
-                return Err(Cause::field("/alias", detail).into());
-            }
-            (Some(version), None) => self
-                .manifest(&catalogue, version)
-                .map_err(|error| Cause::field("/version", error))?,
-            (None, Some(alias)) => {
-                let named = catalogue.aliases.get(alias).copied();
-                let detail = || format!("catalogue {name:?} has no alias {alias:?}");
-                let version = named.ok_or_else(|| Cause::field("/alias", detail()))?;
-                self.manifest(&catalogue, version)?
-            }
-            (None, None) => {
-                let current = catalogue.current;
-                let untrained = || CatalogueError::Untrained { catalogue: name.to_owned() };
-                self.manifest(&catalogue, current.ok_or_else(untrained)?)?
-            }
-        };
-        let has_surfaces = manifest.has(ModelPart::Surface);
-        Ok(Pinned { catalogue: catalogue.id, version: manifest.version, has_surfaces })
-    }
-
     /// The manifest of a version of a named catalogue, and its training parameters.
     pub(crate) fn manifest_of(
         &self,
@@ -388,13 +356,6 @@ impl Catalogues {
 /// The number of a version in a path.
 fn number(version: &str) -> Result<u32, Cause> {
     version.parse().map_err(|_| Cause::unknown("version", version))
-}
-
-fn unknown_catalogue(name: &str) -> CatalogueError {
-    if name == DEFAULT {
-        return CatalogueError::Untrained { catalogue: name.to_owned() };
-    }
-    Cause::field("/catalogue", format!("there is no catalogue {name:?}")).into()
 }
 
 /// The training parameters of a version, if its manifest can be read.

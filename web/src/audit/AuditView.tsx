@@ -6,6 +6,7 @@ import type { AuditEntry, Page } from "../api/types";
 import { plural, when } from "../format";
 import { Empty, ProblemNote, Show } from "../parts/Notes";
 import { Badge, Panel, ViewHead } from "../parts/Panel";
+import { SearchField } from "../parts/SearchField";
 import { useAction } from "../parts/useAction";
 
 const PAGE = 100;
@@ -37,14 +38,8 @@ export function AuditView() {
         <button type="button" onClick={first.reload}>Reload</button>
       </ViewHead>
       <form class="panel filters" aria-label="Filters" onSubmit={(event) => event.preventDefault()}>
-        <div class="field">
-          <label for="audit-key">Key (name or id)</label>
-          <input id="audit-key" type="search" value={key} onChange={(event) => setKey(event.currentTarget.value)} />
-        </div>
-        <div class="field">
-          <label for="audit-operation">Operation</label>
-          <input id="audit-operation" type="search" value={operation} placeholder="delete_object" onChange={(event) => setOperation(event.currentTarget.value)} />
-        </div>
+        <SearchField id="audit-key" label="Key (name or id)" value={key} onSearch={setKey} />
+        <SearchField id="audit-operation" label="Operation" value={operation} placeholder="delete_object" onSearch={setOperation} />
         <div class="field">
           <label for="audit-ring">What happened</label>
           <select id="audit-ring" value={ring} onChange={(event) => setRing(event.currentTarget.value)}>

@@ -2,6 +2,7 @@
 import { getAll } from "../api/http";
 import { useResource } from "../api/resource";
 import type { Catalogue, ObjectInfo } from "../api/types";
+import { SearchField } from "../parts/SearchField";
 import { maySee } from "../signin";
 import { type Filters, filters, NO_FILTERS, NONE } from "./query";
 import { NONE_OF_THESE } from "./words";
@@ -26,10 +27,8 @@ export function FilterForm() {
     </div>
   );
   const text = (name: keyof Filters, label: string, placeholder: string) => (
-    <div class="field">
-      <label for={`filter-${name}`}>{label}</label>
-      <input id={`filter-${name}`} type="search" value={of[name]} placeholder={placeholder} onChange={set(name)} />
-    </div>
+    <SearchField id={`filter-${name}`} label={label} value={of[name]} placeholder={placeholder}
+      onSearch={(value) => (filters.value = { ...filters.value, [name]: value })} />
   );
   const time = (name: keyof Filters, label: string) => (
     <div class="field">

@@ -38,7 +38,7 @@ export function SnapshotsView() {
         <div class="stack">
           {isLarge && <p class="note note-warn">This is too large for a browser: take it on the command line.</p>}
           <p>The service goes on meanwhile. For backups that take themselves, keep the newest few and can be checked, use the command:</p>
-          <pre>{`palpate --server ${location.origin} snapshot backup ./backups --keep 14\npalpate snapshot verify FILE\npalpate snapshot restore FILE --data ./restored`}</pre>
+          <pre class="wrap">{`palpate --server ${location.origin} snapshot backup ./backups --keep 14\npalpate snapshot verify FILE\npalpate snapshot restore FILE --data ./restored`}</pre>
         </div>
       </Panel>
       <Panel title="Taken so far">

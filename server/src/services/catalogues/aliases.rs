@@ -1,10 +1,12 @@
-//! Labels of catalogues, and names of versions besides the current one, such as `candidate`.
+//! Labels of catalogues, names of versions besides the current one, such as `candidate`, and the version
+//! that a new session gets.
 
 use palpate_schemas as wire;
 use palpate_store::catalogue::Catalogue;
 use palpate_store::error::StoreError;
+use palpate_store::model_codec::ModelPart;
 
-use super::{CatalogueError, Catalogues};
+use super::{CatalogueError, Catalogues, DEFAULT, Pinned};
 use crate::cause::Cause;
 use crate::wire::{self as convert, Invalid, labels};
 
@@ -73,4 +75,43 @@ impl Catalogues {
         changed.await??;
         Ok(())
     }
+
+    /// The version for a new session: that of the requested number or alias, or the current one.
+    pub(crate) fn pin(
+        &self,
+        name: &str,
+        version: Option<u32>,
+        alias: Option<&str>,
+    ) -> Result<Pinned, CatalogueError> {
+        let catalogue = self.table.find_by_name(name)?.ok_or_else(|| unknown_catalogue(name))?;
+        let manifest = match (version, alias) {
+            (Some(_), Some(_)) => {
+                let detail = "came with `version`, expected one of the two";
+                return Err(Cause::field("/alias", detail).into());
+            }
+            (Some(version), None) => self
+                .manifest(&catalogue, version)
+                .map_err(|error| Cause::field("/version", error))?,
+            (None, Some(alias)) => {
+                let named = catalogue.aliases.get(alias).copied();
+                let detail = || format!("catalogue {name:?} has no alias {alias:?}");
+                let version = named.ok_or_else(|| Cause::field("/alias", detail()))?;
+                self.manifest(&catalogue, version)?
+            }
+            (None, None) => {
+                let current = catalogue.current;
+                let untrained = || CatalogueError::Untrained { catalogue: name.to_owned() };
+                self.manifest(&catalogue, current.ok_or_else(untrained)?)?
+            }
+        };
+        let has_surfaces = manifest.has(ModelPart::Surface);
+        Ok(Pinned { catalogue: catalogue.id, version: manifest.version, has_surfaces })
+    }
+}
+
+fn unknown_catalogue(name: &str) -> CatalogueError {
+    if name == DEFAULT {
+        return CatalogueError::Untrained { catalogue: name.to_owned() };
+    }
+    Cause::field("/catalogue", format!("there is no catalogue {name:?}")).into()
 }
