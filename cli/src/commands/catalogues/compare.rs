@@ -71,22 +71,25 @@ fn words(job: &Job) -> String {
     ];
     let (before, after) = (format!("version {against}"), format!("version {version}"));
     let figures = output::table(["", &before, &after], rows);
-    let changed = output::table(
-        ["session", "truth", &before, &after],
-        report.changed.iter().map(|one| {
-            let truth = one.truth.clone().unwrap_or_else(|| "–".to_owned());
-            [one.session.to_string(), truth, answer(&one.old), answer(&one.new)]
-        }),
-    );
+    let rows = report.changed.iter().map(|one| {
+        let truth = one.truth.clone().unwrap_or_else(|| "–".to_owned());
+        [one.session.to_string(), truth, answer(&one.old), answer(&one.new)]
+    });
+    let changed = match report.n_changed {
+        0 => "all end with the same answer".to_owned(),
+        n => {
+            let rows = output::table(["session", "truth", &before, &after], rows);
+            format!("{n} with another answer\n{rows}")
+        }
+    };
     let left_out = match report.n_left_out {
         0 => String::new(),
         n => format!(", {n} could not be replayed"),
     };
     format!(
         "{n_sessions} sessions, {n_with_truth} with a known truth{left_out}; decided at a risk of \
-         {}\n\n{figures}\n\n{} with another answer\n{changed}",
-        percent(report.risk),
-        report.n_changed
+         {}\n\n{figures}\n\n{changed}",
+        percent(report.risk)
     )
 }
 
