@@ -94,13 +94,21 @@ devtools.on("Network.loadingFinished", ({ encodedDataLength }) => {
   traffic.bytes += encodedDataLength;
 });
 
-/** Proportional memory of the browser's renderers, MB. */
+/** Whether a process was started by this one, at any remove. */
+function isOurs(pid) {
+  for (let at = pid; at > 1; at = Number(/^PPid:\s+(\d+)/m.exec(readFileSync(`/proc/${at}/status`, "utf8"))[1])) {
+    if (at === process.pid) return true;
+  }
+  return false;
+}
+
+/** Proportional memory of this browser's renderers, MB. */
 function renderersMb() {
   let kb = 0;
   for (const pid of readdirSync("/proc").filter((name) => /^\d+$/.test(name))) {
     try {
       const line = readFileSync(`/proc/${pid}/cmdline`, "utf8");
-      if (!line.includes("--type=renderer") || line.includes("--extension-process")) continue;
+      if (!line.includes("--type=renderer") || !isOurs(Number(pid))) continue;
       kb += Number(/^Pss:\s+(\d+)/m.exec(readFileSync(`/proc/${pid}/smaps_rollup`, "utf8"))?.[1] ?? 0);
     } catch {
       // It ended meanwhile.

@@ -110,12 +110,18 @@ export class Stage implements Commands {
     this.mark();
   }
 
+  /** Selects at once, so that the next key goes on from here, and tells the page. */
+  private choose(touch: number | undefined): void {
+    this.select(touch);
+    this.listener.onSelect(touch);
+  }
+
   /** Selects the touch before or after the selected one. */
   step(by: 1 | -1): void {
     const ids = this.touches.map((touch) => touch.id);
     const at = this.selected === undefined ? -1 : ids.indexOf(this.selected);
     const next = at < 0 ? ids.at(by === 1 ? 0 : -1) : ids[at + by];
-    if (next !== undefined) this.listener.onSelect(next);
+    if (next !== undefined) this.choose(next);
   }
 
   /** The touch under a pointer is pointed out, and selected by a click. */
@@ -130,11 +136,11 @@ export class Stage implements Commands {
 
   pick(x: number, y: number, isTouch: boolean): void {
     const found = markAt(this.seen(), { x, y }, isTouch ? REACH.touch : REACH.mouse);
-    this.listener.onSelect(found === this.selected ? undefined : found);
+    this.choose(found === this.selected ? undefined : found);
   }
 
   deselect(): void {
-    if (this.selected !== undefined) this.listener.onSelect(undefined);
+    if (this.selected !== undefined) this.choose(undefined);
   }
 
   /** Places the camera in front and above, with everything in view. */

@@ -55,6 +55,7 @@ test("the ball about points goes through the corners of their box", () => {
   near(centre, [2, 0, 6]);
   near([radius], [Math.hypot(2, 1, 4) / 2]);
   assert.equal(ballAround([[1, 1, 1]]).radius, 0.01);
+  assert.deepEqual(ballAround([]), { centre: [0, 0, 0], radius: 0.05 });
 });
 
 test("round lengths are 1, 2 and 5 times powers of ten", () => {
