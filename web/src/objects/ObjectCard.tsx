@@ -7,7 +7,7 @@ import { bytes, plural } from "../format";
 import { link } from "../router";
 
 /** How far outside the window pictures are kept. */
-const MARGIN = "600px";
+const MARGIN = "300px";
 
 export function ObjectCard({ object }: { object: ObjectInfo }) {
   const { mesh } = object;
