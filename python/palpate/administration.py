@@ -1,4 +1,4 @@
-"""Operations of those who run a fleet: labels, aliases, the fleet, keys, the audit log, comparisons.
+"""Operations of those who run a fleet: labels, aliases, alarms, keys, the audit log, comparisons.
 
 They belong to `Client` and `AsyncClient` like those of `operations.py`.
 """
@@ -130,6 +130,6 @@ class Administration:
         return ask_for_nothing(delete("v1", "keys", key))
 
     @operation
-    def audit(self, **search: str) -> Steps[list[Document]]:
+    def audit(self, /, **search: str) -> Steps[list[Document]]:
         """Returns the audit log, newest first: `since`, `until`, `key`, `operation`, `ring`."""
         return pages(get("v1", "audit").with_query(**search), same)

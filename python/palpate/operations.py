@@ -445,6 +445,7 @@ class Operations(Administration):
     @operation
     def sessions(
         self,
+        /,
         state: str | None = None,
         *,
         none_of_these: bool | None = None,

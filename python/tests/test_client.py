@@ -239,10 +239,11 @@ def test_sessions_are_labelled_searched_and_compared(
     client.close_session(session.id, truth="mug-client")
     labelled = client.set_session_labels(session.id, {"site": "oslo", "shift": "night"})
     assert labelled.document["labels"] == {"shift": "night", "site": "oslo"}
-    search = {"robot": "searched", "labels": "shift:night", "order": "newest"}
-    assert [one.id for one in client.sessions("closed", with_truth=True, **search)] == [session.id]
-    assert client.sessions("open", **search) == []
-    assert client.sessions(none_of_these=True, **search) == []
+    newest = client.sessions("closed", with_truth=True, robot="searched", order="newest")
+    assert [one.id for one in newest] == [session.id]
+    assert client.sessions("open", labels="shift:night") == []
+    assert [one.id for one in client.sessions(labels="shift:night")] == [session.id]
+    assert client.sessions(none_of_these=True, robot="searched") == []
 
     client.set_object_labels("mug-client", {"line": "3"})
     assert [one.name for one in client.objects(labels="line:3")] == ["mug-client"]
@@ -274,6 +275,7 @@ def test_keys_are_made_rotated_and_revoked(client: Client) -> None:
     key = made["key"]["id"]
     assert client.rotate_key(key, grace_s=0)["secret"] != made["secret"]
     client.revoke_key(key)
-    states = {one["name"]: one["active"] for one in client.keys()}
+    keys = client.keys()
+    states = {one["name"]: one["active"] for one in keys}
     assert states["python-arm"] is False
     assert client.audit(operation="create_key")[0]["resource"].endswith(key)
