@@ -290,6 +290,8 @@ fn report_one(report: &mut Report, config: &OtherWorlds, one: &Tried) {
 fn report_worst(report: &mut Report, config: &OtherWorlds, method: Method, tried: &[Tried]) {
     let is_data_sheet = method == Method::DataSheet;
     let prefix = if is_data_sheet { String::new() } else { format!("{}_", method.name()) };
+    // The aims for commissioned sensors have shorter names.
+    let of = if method == Method::Commissioned { "worst" } else { "worst_world" };
     let tools = std::iter::once(0.0).chain(config.tool_mm.iter().copied());
     for tool_mm in tools {
         let of_tool = |one: &&Tried| one.method == method && (one.tool_mm - tool_mm).abs() < 1e-9;
@@ -303,7 +305,7 @@ fn report_worst(report: &mut Report, config: &OtherWorlds, method: Method, tried
                 } else {
                     values.fold(f64::INFINITY, f64::min)
                 };
-                report.summarise(&format!("{prefix}{infix}worst_world_{key}_at_{readings}"), worst);
+                report.summarise(&format!("{prefix}{infix}{of}_{key}_at_{readings}"), worst);
             };
             state("accuracy", &|row| row.accuracy, false);
             state("unknown", &|row| row.unknown_mean, true);

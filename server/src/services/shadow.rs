@@ -168,11 +168,16 @@ pub(crate) fn compare(
         let told = truth_of_old.of(&session)?.zip(truth_of_new.of(&session)?);
         n_with_truth += usize::from(told.is_some());
         let [truth_of_old, truth_of_new] = [told.map(|told| told.0), told.map(|told| told.1)];
-        let ends = [
-            replayed(old.model, &session, &felt, risk, truth_of_old, &mut sides[0])?,
-            replayed(new.model, &session, &felt, risk, truth_of_new, &mut sides[1])?,
-        ];
-        let [before, after] = ends;
+        let [of_old, of_new] = &mut sides;
+        let mut by_old = || replayed(old.model, &session, &felt, risk, truth_of_old, of_old);
+        let mut by_new = || replayed(new.model, &session, &felt, risk, truth_of_new, of_new);
+        // Who comes first finds nothing in the processor's caches: they take turns.
+        let (before, after) = if done % 2 == 0 {
+            (by_old()?, by_new()?)
+        } else {
+            let after = by_new()?;
+            (by_old()?, after)
+        };
         if before.name != after.name {
             let truth = options(&session).truth;
             let truth = truth.map(|it| it.name.unwrap_or_else(|| NONE_OF_THESE.to_owned()));
