@@ -222,7 +222,7 @@ fn explored_readings_can_be_sent_again(at: &Path, ask: impl Fn(&str) -> Output) 
     }
     assert!(explored["probability"].as_f64().unwrap() > 1.0 / 3.0, "{explored}");
     assert_eq!(replayed["planner"], serde_json::Value::Null);
-    let listed = answer("sessions list --json");
+    let listed = answer("sessions list --oldest --json");
     let counts: Vec<_> =
         listed["items"].as_array().unwrap().iter().map(|item| &item["n_readings"]).collect();
     // The earlier touches; a file that is sent twice counts once.
