@@ -153,7 +153,7 @@ await measure("objects scrolled to the end", "objects", ".card", async () => {
     await page.evaluate(() => scrollBy(0, 800));
     await page.waitForTimeout(60);
   }
-  await page.locator(".card").last().locator("img, canvas").first().waitFor();
+  await page.locator(".card").last().locator("canvas[data-picture]").waitFor();
 });
 await measure("models", "models", "tbody tr");
 await measure("jobs", "jobs", "tbody tr");

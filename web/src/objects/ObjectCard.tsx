@@ -25,36 +25,39 @@ export function ObjectCard({ object }: { object: ObjectInfo }) {
   );
 }
 
-/** Loaded when the card comes near the window, and dropped when it is far. */
+/** Drawn when the card comes near the window, and freed when it is far. A canvas keeps nothing then,
+ * where the browser would keep the pixels of every image that was ever shown. */
 function Picture({ object, hash }: { object: ObjectInfo; hash: string }) {
-  const box = useRef<HTMLDivElement>(null);
+  const box = useRef<HTMLCanvasElement>(null);
   const [near, setNear] = useState(false);
-  const [url, setUrl] = useState<string>();
   useEffect(() => {
     const watch = new IntersectionObserver((entries) => setNear(entries.at(-1)?.isIntersecting ?? false), { rootMargin: MARGIN });
     if (box.current) watch.observe(box.current);
     return () => watch.disconnect();
   }, []);
   useEffect(() => {
-    if (!near) return;
+    const canvas = box.current;
+    if (!near || canvas === null) return;
     const abort = new AbortController();
-    let made: string | undefined;
-    // A link would carry no key.
+    // A link would carry no key. The hash tells pictures of other meshes apart.
     ask(`/v1/objects/${object.id}/thumbnail.png`, { signal: abort.signal })
-      .then((answer) => answer.blob())
-      .then((blob) => {
-        if (abort.signal.aborted) return;
-        made = URL.createObjectURL(blob);
-        setUrl(made);
+      .then(async (answer) => createImageBitmap(await answer.blob()))
+      .then((picture) => {
+        if (!abort.signal.aborted) {
+          [canvas.width, canvas.height] = [picture.width, picture.height];
+          canvas.getContext("2d")?.drawImage(picture, 0, 0);
+          canvas.dataset.picture = hash;
+        }
+        picture.close();
       })
       .catch(() => {
         // A card without a picture still links to the object.
       });
     return () => {
       abort.abort();
-      if (made !== undefined) URL.revokeObjectURL(made);
-      setUrl(undefined);
+      [canvas.width, canvas.height] = [0, 0];
+      delete canvas.dataset.picture;
     };
   }, [near, hash, object.id]);
-  return <div ref={box} class="picture">{url && <img src={url} alt="" width="256" height="256" />}</div>;
+  return <canvas ref={box} class="picture" width="0" height="0" aria-hidden="true" />;
 }
