@@ -5,6 +5,7 @@
 //! draft and get one by their status.
 
 pub(crate) mod body;
+mod jobs;
 
 use std::fmt::Display;
 use std::time::Duration;
@@ -26,12 +27,9 @@ use crate::live::LiveError;
 use crate::refusal::{AccessError, LoadError, Refusal, RequestError};
 use crate::secret::redacted;
 use crate::services::catalogues::CatalogueError;
-use crate::services::jobs::error::JobError;
 use crate::services::keys::error::{KeyError, KeyFault};
 use crate::services::objects::ObjectError;
-use crate::services::recalibration::RecalibrationError;
 use crate::services::sessions::SessionError;
-use crate::services::shadow::ShadowError;
 use crate::wire::Invalid;
 use crate::wire::object::FormatError;
 
@@ -114,7 +112,7 @@ fn refusal(refusal: &Refusal) -> Answer {
         Refusal::Object(error) => object(error),
         Refusal::Catalogue(error) => catalogue(error),
         Refusal::Session(error) => session(error),
-        Refusal::Job(error) => job(error),
+        Refusal::Job(error) => jobs::job(error),
         Refusal::Access(error) => access(error),
         Refusal::Request(error) => request(error),
         Refusal::Load(error) => load(error),
@@ -314,38 +312,6 @@ fn session(error: &SessionError) -> Answer {
         SessionError::Catalogue(error) => catalogue(error),
         SessionError::Key(error) => key(error),
         SessionError::Cause(error) => cause(error),
-    }
-}
-
-fn job(error: &JobError) -> Answer {
-    match error {
-        JobError::Finished { .. } => ProblemType::WrongState.into(),
-        JobError::QueueFull { waiting } => overloaded("trainings", "trainings", *waiting),
-        JobError::Catalogue(error) => catalogue(error),
-        JobError::Recalibration(error) => recalibration(error),
-        JobError::Shadow(error) => shadow(error),
-        JobError::Cause(error) => cause(error),
-    }
-}
-
-fn recalibration(error: &RecalibrationError) -> Answer {
-    match error {
-        RecalibrationError::FewSessions { .. }
-        | RecalibrationError::OneTouched { .. }
-        | RecalibrationError::OneObject { .. }
-        | RecalibrationError::NoPart(_)
-        | RecalibrationError::Stopped => ProblemType::WrongState.into(),
-        RecalibrationError::Cause(error) => cause(error),
-    }
-}
-
-fn shadow(error: &ShadowError) -> Answer {
-    match error {
-        ShadowError::NoSessions { .. }
-        | ShadowError::NothingReplayed { .. }
-        | ShadowError::NoPart(_)
-        | ShadowError::Stopped => ProblemType::WrongState.into(),
-        ShadowError::Cause(error) => cause(error),
     }
 }
 

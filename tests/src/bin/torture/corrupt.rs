@@ -126,10 +126,21 @@ async fn fill(
 async fn ask(http: &Client, url: &str, paths: &[String]) -> Answers {
     let mut answers = Answers::new();
     for path in paths {
-        let answer = send(http, Method::GET, format!("{url}{path}"), None).await;
+        let mut answer = send(http, Method::GET, format!("{url}{path}"), None).await;
+        if let Outcome::Done(value) = &mut answer {
+            forget_latest(value);
+        }
         answers.insert(path.clone(), answer);
     }
     answers
+}
+
+/// Leaves out what the newest beliefs of listed sessions say: it is formed in the background.
+fn forget_latest(answer: &mut Value) {
+    let items = answer.get_mut("items").and_then(Value::as_array_mut);
+    for item in items.into_iter().flatten().filter_map(Value::as_object_mut) {
+        item.remove("latest");
+    }
 }
 
 /// Damages one of the files; returns a description.
