@@ -135,12 +135,12 @@ async fn ask(http: &Client, url: &str, paths: &[String]) -> Answers {
     answers
 }
 
-/// Leaves out what the newest beliefs of listed sessions say: it is formed in the background.
+/// Leaves out what the newest beliefs of sessions say: it is formed in the background.
 fn forget_latest(answer: &mut Value) {
-    let items = answer.get_mut("items").and_then(Value::as_array_mut);
-    for item in items.into_iter().flatten().filter_map(Value::as_object_mut) {
-        item.remove("latest");
-    }
+    let Some(document) = answer.as_object_mut() else { return };
+    document.remove("latest");
+    let items = document.get_mut("items").and_then(Value::as_array_mut);
+    items.into_iter().flatten().for_each(forget_latest);
 }
 
 /// Damages one of the files; returns a description.
