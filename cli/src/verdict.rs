@@ -4,7 +4,7 @@
 //! them is the answer, and only that one is judged.
 
 use anyhow::bail;
-use palpate_client::schemas::{Belief, Method};
+use palpate_client::schemas::{Belief, BestObject, Method, TracePoint};
 
 /// Name of an object that the catalogue does not have, in output.
 pub(crate) const NONE_OF_THESE: &str = "none of these";
@@ -22,13 +22,24 @@ pub(crate) struct Verdict<'a> {
 }
 
 impl<'a> Verdict<'a> {
-    /// The likeliest of the objects and "none of these"; an object if they are equally likely.
+    /// The likeliest of the objects and "none of these".
     pub(crate) fn of(belief: &'a Belief) -> Self {
-        match belief.objects.first() {
-            Some(best) if best.probability >= belief.unknown => {
-                Self { object: Some(&best.name), probability: best.probability }
+        let best = belief.objects.first().map(|best| (&*best.name, best.probability));
+        Self::likelier(best, belief.unknown)
+    }
+
+    /// The likelier of a best object and "none of these".
+    pub(crate) fn of_best(best: Option<&'a BestObject>, unknown: f64) -> Self {
+        Self::likelier(best.map(|best| (&*best.name, best.probability)), unknown)
+    }
+
+    /// An object if both are equally likely.
+    fn likelier(best: Option<(&'a str, f64)>, unknown: f64) -> Self {
+        match best {
+            Some((name, probability)) if probability >= unknown => {
+                Self { object: Some(name), probability }
             }
-            _ => Self { object: None, probability: belief.unknown },
+            _ => Self { object: None, probability: unknown },
         }
     }
 
@@ -47,6 +58,13 @@ impl<'a> Verdict<'a> {
 /// An answer or a truth as text.
 pub(crate) fn name(object: Option<&str>) -> &str {
     object.unwrap_or(NONE_OF_THESE)
+}
+
+/// The likeliest answer of a session's newest belief, such as `mug 99.2 %`; `–` before the first.
+pub(crate) fn in_short(latest: Option<&TracePoint>) -> String {
+    let Some(latest) = latest else { return "–".to_owned() };
+    let answer = Verdict::of_best(latest.best.as_ref(), latest.unknown);
+    format!("{} {:.1} %", answer.name(), 100.0 * answer.probability)
 }
 
 /// Fails if the truth is "none of these" and the method cannot answer it.

@@ -1,4 +1,4 @@
-//! Labels on the wire: what people call sessions, objects, sensors and catalogues by, for searches.
+//! Labels on the wire: keys and values by which sessions, objects, sensors and catalogues are found.
 
 use std::collections::BTreeMap;
 

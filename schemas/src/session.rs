@@ -220,7 +220,7 @@ pub struct Session {
     /// The true object, if a client reported it; null otherwise.
     #[serde(default)]
     pub truth: Option<Truth>,
-    /// What the newest belief says, in short: of an ended session the last one. Null before the
+    /// The newest belief in short; of an ended session, its last belief. Null before the
     /// first, and for sessions that ended before the server kept it. Readings posted with
     /// `belief=none` count soon after the last of them.
     #[serde(default)]

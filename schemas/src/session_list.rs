@@ -41,8 +41,8 @@ pub struct SessionsQuery {
     /// id or name.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub object: Option<String>,
-    /// Only sessions whose truth, or without one whose likeliest answer, is (true) or is not (false)
-    /// "none of these".
+    /// Only sessions that are (true) or are not (false) "none of these", by their truth, or without
+    /// one by the likeliest answer of `latest`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub none_of_these: Option<bool>,
     /// Only sessions with a truth (true) or without one (false).

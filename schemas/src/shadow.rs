@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 use uuid::Uuid;
 
-/// Request to replay ended sessions by a version that is not in use, next to another one.
+/// Request to compare a version with another one by replaying ended sessions with both.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ShadowVersion {
@@ -39,13 +39,13 @@ pub struct ShadowReport {
     pub n_left_out: u32,
     /// Number of sessions whose truth is known and says something about both versions.
     pub n_with_truth: u32,
-    /// What the version compared with says.
+    /// Figures of the version that it was compared with.
     pub old: ShadowSide,
-    /// What the version that was tried says.
+    /// Figures of the version that was tried.
     pub new: ShadowSide,
     /// Number of sessions with another answer at the end.
     pub n_changed: u32,
-    /// Those sessions, newest first; at most 100.
+    /// The sessions with another answer, newest first; at most 100.
     #[schema(max_items = 100)]
     pub changed: Vec<ShadowChange>,
     /// Duration of the comparison, in seconds.
@@ -58,7 +58,7 @@ pub struct ShadowReport {
 pub struct ShadowSide {
     /// Number of sessions that were decided: at some touch the risk was accepted.
     pub n_decided: u32,
-    /// Number of decided sessions with a truth that was not the answer then.
+    /// Number of sessions that were decided for an answer other than their truth.
     pub n_decided_wrongly: u32,
     /// Mean number of touches until the decision; null without any.
     pub touches: Option<f64>,

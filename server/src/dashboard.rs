@@ -4,6 +4,8 @@
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 
+use crate::etag;
+
 /// A file of the dashboard.
 struct Asset {
     path: &'static str,
@@ -56,11 +58,7 @@ pub(crate) fn tagged(
     headers: &HeaderMap,
 ) -> Response {
     let tag = format!("\"{}\"", &blake3::hash(bytes).to_hex()[..32]);
-    let known = headers.get(header::IF_NONE_MATCH).and_then(|value| value.to_str().ok());
-    let is_known = known.is_some_and(|known| {
-        known.split(',').any(|one| one.trim().trim_start_matches("W/") == tag)
-    });
-    let mut response = if is_known {
+    let mut response = if etag::is_known(headers, &tag) {
         StatusCode::NOT_MODIFIED.into_response()
     } else {
         ([(header::CONTENT_TYPE, content_type)], bytes).into_response()

@@ -1,5 +1,5 @@
-//! Files of derived data, one for each id, in a folder of their own: they may be missing, old or torn
-//! without harm, as whoever reads them can tell and make them again.
+//! Files of derived data, one per id, in a folder. A file may be missing, old or torn: its reader
+//! detects this and derives the data again.
 
 use std::fs;
 use std::io::{ErrorKind, Read};

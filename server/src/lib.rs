@@ -9,6 +9,7 @@ mod clock;
 mod derived;
 mod figures;
 mod process;
+mod etag;
 mod secret;
 mod limits;
 mod client;

@@ -56,6 +56,9 @@ fn summary(errors: &[FieldError]) -> String {
     }
 }
 
+/// Name of an object that the catalogue does not have, in answers and messages.
+pub(crate) const NONE_OF_THESE: &str = "none of these";
+
 /// The largest integer that every JSON reader keeps exactly.
 pub(crate) const INTEGER_MAX: u64 = (1 << 53) - 1;
 

@@ -1,6 +1,9 @@
 // What is believed, in a few words: the titles of rows, pages and tabs.
 import { percent } from "./format";
 
+/** Name of an object that the catalogue does not have. */
+export const NONE_OF_THESE = "none of these";
+
 /** The likeliest answer of a belief, which may be "none of these". */
 export interface Answer {
   name: string;
@@ -20,7 +23,7 @@ export function answerOf(
   );
   const unknown = belief.unknown ?? 0;
   if (best === undefined || unknown > best.probability) {
-    return unknown > 0 ? { name: "none of these", probability: unknown, isUnknown: true } : undefined;
+    return unknown > 0 ? { name: NONE_OF_THESE, probability: unknown, isUnknown: true } : undefined;
   }
   return { name: best.name, probability: best.probability, isUnknown: false };
 }

@@ -3,13 +3,12 @@
 use clap::{Args, Subcommand};
 use palpate_client::schemas::{
     AcknowledgeSessions, AttentionLevel, CloseSessions, Fleet, FleetChanged, FleetQuery,
-    FleetSession,
 };
 use uuid::Uuid;
 
 use super::Context;
 use crate::output;
-use crate::verdict::NONE_OF_THESE;
+use crate::verdict;
 
 /// Arguments of `palpate fleet`.
 #[derive(Debug, Args)]
@@ -94,7 +93,7 @@ fn words(fleet: &Fleet) -> String {
                 one.session.id.to_string(),
                 one.session.touched_by.join(", "),
                 one.session.n_readings.to_string(),
-                believed(one),
+                verdict::in_short(one.session.latest.as_ref()),
                 level(attention.level, attention.is_needed).to_owned(),
                 attention.reason.clone(),
                 attention.since.clone(),
@@ -104,15 +103,6 @@ fn words(fleet: &Fleet) -> String {
     let need = if fleet.n_needed == 1 { "needs" } else { "need" };
     let total = format!("{} open, {} {need} attention", fleet.n_open, fleet.n_needed);
     if fleet.sessions.is_empty() { total } else { format!("{table}\n\n{total}") }
-}
-
-fn believed(one: &FleetSession) -> String {
-    let Some(latest) = &one.session.latest else { return "–".to_owned() };
-    let best = latest.best.as_ref().map(|best| (best.name.as_str(), best.probability));
-    let (name, probability) = best
-        .filter(|(_, probability)| *probability >= latest.unknown)
-        .unwrap_or((NONE_OF_THESE, latest.unknown));
-    format!("{name} {:.1} %", 100.0 * probability)
 }
 
 /// The word for a state. Acknowledged and muted alarms are marked as seen.

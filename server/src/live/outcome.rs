@@ -1,4 +1,4 @@
-//! What the newest belief of a session says, in short, and whose robots touched: what lists show.
+//! Outcome of a session, for lists: its newest belief in short, and the robots that touched.
 
 use std::collections::BTreeSet;
 

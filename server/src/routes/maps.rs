@@ -7,6 +7,7 @@ use axum::response::{IntoResponse, Response};
 use palpate_schemas::{CatalogueVersion, MergeMaps, OccupancyMap, PlyQuery, SliceQuery};
 
 use crate::app::App;
+use crate::etag;
 use crate::extract::{JsonBody, Params, Segments};
 use crate::refusal::Refusal;
 use crate::routes::documented::{Conflict, MapFile};
@@ -113,12 +114,8 @@ pub(crate) async fn merge_maps(
 
 /// An answer that never changes, or 304 if the client already has it.
 fn immutable(headers: &HeaderMap, tag: &str, content: impl IntoResponse) -> Response {
-    let known = headers.get(header::IF_NONE_MATCH).and_then(|value| value.to_str().ok());
-    let is_known = known.is_some_and(|known| {
-        known.split(',').any(|one| one.trim().trim_start_matches("W/") == tag)
-    });
     let lasting = [(header::ETAG, tag.to_owned()), (header::CACHE_CONTROL, IMMUTABLE.to_owned())];
-    if is_known {
+    if etag::is_known(headers, tag) {
         return (StatusCode::NOT_MODIFIED, lasting).into_response();
     }
     (lasting, content).into_response()

@@ -10,6 +10,7 @@ use palpate_schemas::{
 };
 
 use crate::app::App;
+use crate::etag;
 use crate::extract::{JsonBody, MeshBody, Params, ReadingsBody, Segments};
 use crate::refusal::Refusal;
 use crate::routes::blocks;
@@ -113,7 +114,7 @@ pub(crate) async fn get_thumbnail(
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
     let (tag, png) = app.objects.thumbnail(&object).await?;
-    let is_known = headers.get(header::IF_NONE_MATCH).is_some_and(|known| *known == *tag);
+    let is_known = etag::is_known(&headers, &tag);
     let etag = [(header::ETAG, tag)];
     if is_known {
         return Ok((StatusCode::NOT_MODIFIED, etag).into_response());

@@ -28,8 +28,8 @@ use crate::known_sensors::KnownSensors;
 use crate::live::{PastReadings, status};
 use crate::model::{Model, NoPart};
 use crate::services::recalibration::{Sources, Target, Truths};
-use crate::wire::count;
 use crate::wire::session::{Options, options, surface_options, untold_unknown_prior};
+use crate::wire::{NONE_OF_THESE, count};
 
 /// Numbers of sessions: of a request at most, and by default. Chosen: a hundred sessions of eight
 /// touches are replayed in about a minute.
@@ -39,7 +39,6 @@ const SESSIONS: usize = 100;
 const CHANGED_MAX: usize = 100;
 /// Number of sessions per read.
 const SESSIONS_PER_PAGE: usize = 256;
-const NONE_OF_THESE: &str = "none of these";
 
 /// Error of a comparison.
 #[derive(Debug, Error)]

@@ -10,7 +10,7 @@ use uuid::Uuid;
 use crate::model::Model;
 use crate::wire::Invalid;
 use crate::wire::session::{TTL_MAX, options, written};
-use crate::wire::{time, within};
+use crate::wire::{NONE_OF_THESE, time, within};
 
 /// Status of a session, beside its stored record.
 #[derive(Clone, Copy, Debug, Default)]
@@ -109,7 +109,7 @@ pub(crate) fn set_truth(session: &mut Session, truth: &wire::Truth) -> Result<bo
         Some(before) if before.object == truth.object => Ok(false),
         Some(before) => Err(OtherTruth {
             session: session.id,
-            before: before.name.clone().unwrap_or_else(|| "none of these".to_owned()),
+            before: before.name.clone().unwrap_or_else(|| NONE_OF_THESE.to_owned()),
         }),
         None => {
             options.truth = Some(truth.clone());

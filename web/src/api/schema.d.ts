@@ -4907,7 +4907,7 @@ export interface components {
              * @description The version that it was compared with.
              */
             against: number;
-            /** @description Those sessions, newest first; at most 100. */
+            /** @description The sessions with another answer, newest first; at most 100. */
             changed: components["schemas"]["ShadowChange"][];
             /**
              * Format: int32
@@ -4929,9 +4929,9 @@ export interface components {
              * @description Number of sessions whose truth is known and says something about both versions.
              */
             n_with_truth: number;
-            /** @description What the version that was tried says. */
+            /** @description Figures of the version that was tried. */
             new: components["schemas"]["ShadowSide"];
-            /** @description What the version compared with says. */
+            /** @description Figures of the version that it was compared with. */
             old: components["schemas"]["ShadowSide"];
             /**
              * Format: double
@@ -4966,7 +4966,7 @@ export interface components {
             n_decided: number;
             /**
              * Format: int32
-             * @description Number of decided sessions with a truth that was not the answer then.
+             * @description Number of sessions that were decided for an answer other than their truth.
              */
             n_decided_wrongly: number;
             /**
@@ -4985,7 +4985,7 @@ export interface components {
              */
             unknown: number;
         };
-        /** @description Request to replay ended sessions by a version that is not in use, next to another one. */
+        /** @description Request to compare a version with another one by replaying ended sessions with both. */
         ShadowVersion: {
             /**
              * Format: int32
@@ -14178,8 +14178,8 @@ export interface operations {
                  */
                 object?: string;
                 /**
-                 * @description Only sessions whose truth, or without one whose likeliest answer, is (true) or is not (false)
-                 *     "none of these".
+                 * @description Only sessions that are (true) or are not (false) "none of these", by their truth, or without
+                 *     one by the likeliest answer of `latest`.
                  */
                 none_of_these?: boolean;
                 /** @description Only sessions with a truth (true) or without one (false). */

@@ -1,4 +1,4 @@
-// One open session: what is believed, of which robot, and its state; one line if it is sure.
+// Row of an open session: likeliest answer, robots and state. A sure session takes one line.
 import { answerOf, titleOf } from "../belief";
 import { objectColor } from "../colors";
 import { age, bits, now, plural, shortId } from "../format";

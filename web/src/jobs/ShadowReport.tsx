@@ -3,7 +3,7 @@ import type { ShadowAnswer, ShadowReport } from "../api/types";
 import { duration, percent, plural, shortId } from "../format";
 import { Panel } from "../parts/Panel";
 import { link } from "../router";
-import { NONE_OF_THESE } from "../sessions/words";
+import { NONE_OF_THESE } from "../belief";
 
 export function ShadowPanels({ catalogue, report }: { catalogue: string; report: ShadowReport }) {
   const { old, new: tried } = report;

@@ -3,7 +3,7 @@
 import { getAll, getJson } from "../api/http";
 import type { Replay, Session, SessionReading } from "../api/types";
 import { csv, save } from "../parts/save";
-import { NONE_OF_THESE } from "../sessions/words";
+import { likeliest } from "../sessions/words";
 
 const READINGS_MAX = 10_000;
 const STEPS = 1000;
@@ -34,13 +34,13 @@ function rows(readings: SessionReading[], replay: Replay): (string | number | nu
   return replay.steps.map((step) => {
     const number = step.change.kind === "closed" ? undefined : step.change.number;
     const reading = number === undefined ? undefined : byNumber.get(number);
-    const isKnown = step.best && step.best.probability >= step.unknown;
+    const answer = likeliest(step);
     const pose = reading?.pose;
     const peak = reading?.image.reduce<number | null>((most, value) => (typeof value === "number" && (most === null || value > most) ? value : most), null);
     return [
       step.revision, step.at, step.change.kind, number, reading?.robot, reading?.seq,
       ...(pose ? [...pose.position, ...pose.orientation] : Array<undefined>(7).fill(undefined)), peak, step.n_readings,
-      isKnown ? step.best?.name : NONE_OF_THESE, isKnown ? step.best?.probability : step.unknown, step.entropy_bits,
+      answer.name, answer.probability, step.entropy_bits,
     ];
   });
 }

@@ -5,7 +5,7 @@ import type { Catalogue, ObjectInfo } from "../api/types";
 import { SearchField } from "../parts/SearchField";
 import { maySee } from "../signin";
 import { type Filters, filters, NO_FILTERS, NONE } from "./query";
-import { NONE_OF_THESE } from "./words";
+import { NONE_OF_THESE } from "../belief";
 
 const METHODS = ["surface", "sva", "sva_literal", "appearance", "appearance_literal", "geometric", "geometric_histogram", "geometric_particles"];
 const OBJECTS_MAX = 5000;

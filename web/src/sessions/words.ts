@@ -1,14 +1,15 @@
-// What a session's object is taken for, in words.
-import type { Session } from "../api/types";
+// Answer, truth and labels of a session as text.
+import type { Session, TracePoint } from "../api/types";
+import { NONE_OF_THESE } from "../belief";
 import { percent } from "../format";
-
-export const NONE_OF_THESE = "none of these";
 
 /** The likeliest answer of the newest belief; undefined before the first. */
 export function answerOf(session: Session): { name: string; probability: number } | undefined {
-  const { latest } = session;
-  if (!latest) return undefined;
-  const { best, unknown } = latest;
+  return session.latest ? likeliest(session.latest) : undefined;
+}
+
+/** The likeliest answer of a belief in short. */
+export function likeliest({ best, unknown }: Pick<TracePoint, "best" | "unknown">): { name: string; probability: number } {
   return best && best.probability >= unknown ? { name: best.name, probability: best.probability } : { name: NONE_OF_THESE, probability: unknown };
 }
 

@@ -11,7 +11,7 @@ use serde::Serialize;
 use uuid::Uuid;
 
 use super::history;
-use crate::verdict::NONE_OF_THESE;
+use crate::verdict::Verdict;
 
 /// Arguments of `palpate sessions export`.
 #[derive(Debug, Args)]
@@ -93,10 +93,8 @@ fn csv(exported: &Exported) -> anyhow::Result<String> {
             SessionChange::Closed => ("closed", None),
         };
         let reading = exported.readings.iter().find(|it| Some(it.number) == number);
-        let (name, probability) = match &step.best {
-            Some(best) if best.probability >= step.unknown => (&*best.name, best.probability),
-            _ => (NONE_OF_THESE, step.unknown),
-        };
+        let answer = Verdict::of_best(step.best.as_ref(), step.unknown);
+        let (name, probability) = (answer.name(), answer.probability);
         let mut cells = vec![step.revision.to_string(), step.at.clone(), change.to_owned()];
         cells.push(number.map(|number| number.to_string()).unwrap_or_default());
         cells.push(reading.and_then(|it| it.robot.clone()).unwrap_or_default());

@@ -10,6 +10,7 @@ use uuid::Uuid;
 
 use super::NONE_OF_THESE;
 use crate::output;
+use crate::verdict::Verdict;
 
 /// Steps per request.
 const STEPS: u32 = 1000;
@@ -140,18 +141,13 @@ pub(super) fn replay_words(replay: &Replay) -> String {
     let steps = output::table(
         ["revision", "what came", "readings", "likeliest", "", "entropy"],
         replay.steps.iter().map(|step| {
-            let (name, probability) = match &step.best {
-                Some(best) if best.probability >= step.unknown => {
-                    (best.name.as_str(), best.probability)
-                }
-                _ => (NONE_OF_THESE, step.unknown),
-            };
+            let answer = Verdict::of_best(step.best.as_ref(), step.unknown);
             [
                 step.revision.to_string(),
                 change(&step.change),
                 step.n_readings.to_string(),
-                name.to_owned(),
-                format!("{:5.1} %", probability * 100.0),
+                answer.name().to_owned(),
+                format!("{:5.1} %", answer.probability * 100.0),
                 format!("{:.2} bits", step.entropy_bits),
             ]
         }),

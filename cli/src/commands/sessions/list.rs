@@ -1,4 +1,4 @@
-//! `palpate sessions list`: sessions, open and ended, by what is known of them.
+//! `palpate sessions list`: open and ended sessions, filtered.
 
 use clap::Args;
 use palpate_client::schemas::{
@@ -7,7 +7,7 @@ use palpate_client::schemas::{
 
 use crate::commands::{Context, labels};
 use crate::output;
-use crate::verdict::{NONE, NONE_OF_THESE};
+use crate::verdict::{self, NONE};
 
 /// Number of sessions per request.
 const PER_REQUEST: u32 = 1000;
@@ -112,7 +112,7 @@ pub(super) fn table(sessions: &[Session]) -> String {
                 output::word(&session.method),
                 output::word(&session.state),
                 session.n_readings.to_string(),
-                answer(session),
+                verdict::in_short(session.latest.as_ref()),
                 truth(session),
                 session.touched_by.join(", "),
                 labels::words(&session.labels),
@@ -124,18 +124,8 @@ pub(super) fn table(sessions: &[Session]) -> String {
     )
 }
 
-/// The likeliest answer of the newest belief.
-fn answer(session: &Session) -> String {
-    let Some(latest) = &session.latest else { return "–".to_owned() };
-    let (name, probability) = match &latest.best {
-        Some(best) if best.probability >= latest.unknown => (best.name.as_str(), best.probability),
-        _ => (NONE_OF_THESE, latest.unknown),
-    };
-    format!("{name} {:.1} %", 100.0 * probability)
-}
-
 fn truth(session: &Session) -> String {
     let Some(truth) = &session.truth else { return "–".to_owned() };
     let right = if truth.was_right { "right" } else { "wrong" };
-    format!("{} ({right})", truth.name.as_deref().unwrap_or(NONE_OF_THESE))
+    format!("{} ({right})", verdict::name(truth.name.as_deref()))
 }

@@ -30,7 +30,7 @@ impl Range {
         }
     }
 
-    /// Whether nothing can lie between the bounds, which a set's range must not be asked for.
+    /// Whether nothing lies between the bounds. `BTreeSet::range` panics on such bounds.
     fn is_empty(self) -> bool {
         let (Bound::Included(low) | Bound::Excluded(low)) = self.low else { return false };
         let (Bound::Included(high) | Bound::Excluded(high)) = self.high else { return false };

@@ -1,4 +1,4 @@
-//! What becomes of a session: the outcome that is kept of an ended one, and its labels.
+//! Stored outcome of ended sessions, and labels of sessions.
 //!
 //! Closing a session stores its outcome with its end. A session that expires, or whose last readings
 //! came with `belief=none`, gets its outcome in the background.

@@ -1,4 +1,4 @@
-//! What a list of sessions is asked for: which sessions, in which order.
+//! Checked query of a list of sessions: filters, times and order.
 
 use std::ops::Bound;
 
@@ -68,7 +68,7 @@ impl Search {
     }
 }
 
-/// What a session's object is taken for.
+/// Object of a session, as far as it is known.
 enum Taken<'a> {
     Object { id: Uuid, name: &'a str },
     NoneOfThese,
