@@ -2,7 +2,8 @@
 
 With an admin's key in PALPATE_KEY. Backups into one folder keep the newest. The newest is restored
 into a new folder, and a server of that folder must answer as the first one does: catalogues with
-their versions, objects, sessions, readings and beliefs.
+their versions, objects, sessions, readings and beliefs. A server forms the newest beliefs of its
+open sessions in the background after its start, and lists them from then on.
 """
 
 import json
@@ -31,9 +32,19 @@ def ask(server, path):
         return json.loads(answer.read())
 
 
+def sessions_with_beliefs(server, wait_s=60):
+    """The sessions, once each that has readings shows its newest belief."""
+    for _ in range(wait_s * 10):
+        sessions = ask(server, "/v1/sessions?limit=100")["items"]
+        if all(session["latest"] or not session["n_readings"] for session in sessions):
+            return sessions
+        time.sleep(0.1)
+    raise AssertionError(f"sessions without a belief after {wait_s} s: {sessions}")
+
+
 def content(server):
     """What a server serves, as far as robots and operators see it."""
-    sessions = ask(server, "/v1/sessions?limit=100")["items"]
+    sessions = sessions_with_beliefs(server)
     paths = ["/v1/objects?limit=100", "/v1/catalogues?limit=100", "/v1/sensors?limit=100"]
     paths += ["/v1/catalogues/default", "/v1/catalogues/default/versions/1"]
     for session in sessions:
