@@ -10,6 +10,8 @@ mod examples;
 pub(crate) mod listing;
 #[cfg(test)]
 mod operations;
+#[cfg(feature = "swagger")]
+pub(crate) mod reader;
 mod unions;
 
 use std::sync::OnceLock;
