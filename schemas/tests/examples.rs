@@ -13,11 +13,35 @@ fn check<T: DeserializeOwned + Serialize>(example: &str) {
 
 #[test]
 fn examples_parse_and_are_complete() {
-    check::<wire::CreateSensor>(include_str!("../examples/create_sensor.json"));
-    check::<wire::StartTraining>(include_str!("../examples/start_training.json"));
-    check::<wire::CreateSession>(include_str!("../examples/create_session.json"));
+    check::<wire::AcknowledgeSessions>(include_str!("../examples/acknowledge_sessions.json"));
+    check::<wire::AddTrainingReadings>(include_str!("../examples/add_object_readings.json"));
     check::<wire::AddReadings>(include_str!("../examples/add_readings.json"));
+    check::<wire::AnalyseCoverings>(include_str!("../examples/analyse_coverings.json"));
+    check::<wire::AskNextTouches>(include_str!("../examples/ask_next_touches.json"));
+    check::<wire::BindRobot>(include_str!("../examples/bind_robot.json"));
+    check::<wire::CalibrateSensor>(include_str!("../examples/calibrate_sensor.json"));
+    check::<wire::Reading>(include_str!("../examples/check_reading.json"));
+    check::<wire::CloseSession>(include_str!("../examples/close_session.json"));
+    check::<wire::CloseSessions>(include_str!("../examples/close_sessions.json"));
+    check::<wire::CommissionSensor>(include_str!("../examples/commission_sensor.json"));
+    check::<wire::CreateKey>(include_str!("../examples/create_key.json"));
+    check::<wire::CreateObject>(include_str!("../examples/create_object.json"));
+    check::<wire::CreateSensor>(include_str!("../examples/create_sensor.json"));
+    check::<wire::CreateSession>(include_str!("../examples/create_session.json"));
+    check::<wire::ExtendSession>(include_str!("../examples/extend_session.json"));
+    check::<wire::MergeMaps>(include_str!("../examples/merge_maps.json"));
     check::<wire::Problem>(include_str!("../examples/problem.json"));
+    check::<wire::RecalibrateCatalogue>(include_str!("../examples/recalibrate_catalogue.json"));
+    check::<wire::RotateKey>(include_str!("../examples/rotate_key.json"));
+    check::<wire::SetCurrent>(include_str!("../examples/set_current.json"));
+    check::<wire::SetLabels>(include_str!("../examples/set_catalogue_labels.json"));
+    check::<wire::SetLabels>(include_str!("../examples/set_object_labels.json"));
+    check::<wire::SetLabels>(include_str!("../examples/set_sensor_labels.json"));
+    check::<wire::SetLabels>(include_str!("../examples/set_session_labels.json"));
+    check::<wire::SetAlias>(include_str!("../examples/set_alias.json"));
+    check::<wire::ShadowVersion>(include_str!("../examples/shadow_version.json"));
+    check::<wire::StartTraining>(include_str!("../examples/start_training.json"));
+    check::<wire::UpdateObject>(include_str!("../examples/update_object.json"));
 }
 
 #[test]

@@ -10,6 +10,8 @@ mod examples;
 pub(crate) mod listing;
 #[cfg(test)]
 mod operations;
+#[cfg(feature = "swagger")]
+pub(crate) mod reader;
 mod unions;
 
 use std::sync::OnceLock;
@@ -60,12 +62,12 @@ struct Document;
 pub fn document() -> OpenApi {
     let mut document = Document::openapi();
     document.merge(routes::api().into_openapi());
-    for item in document.paths.paths.values_mut() {
+    for (path, item) in &mut document.paths.paths {
         operations(item).for_each(|(method, operation)| {
             add_roles(operation);
             add_location(operation);
             add_problems(operation, method != "GET");
-            examples::add(operation);
+            examples::add(path, operation);
         });
     }
     let scheme = Http::builder().scheme(HttpAuthScheme::Bearer).description(Some(KEY));

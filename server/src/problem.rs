@@ -348,7 +348,8 @@ fn framework_draft(found: StatusCode, path: &str) -> Draft {
     Draft { kind, detail, errors: Vec::new() }
 }
 
-fn status(kind: ProblemType) -> StatusCode {
+/// The status of all problems of a type.
+pub(crate) fn status(kind: ProblemType) -> StatusCode {
     match kind {
         ProblemType::MalformedRequest => StatusCode::BAD_REQUEST,
         ProblemType::Unauthenticated => StatusCode::UNAUTHORIZED,

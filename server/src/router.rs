@@ -57,12 +57,24 @@ fn pages() -> Router<App> {
     dashboard::paths().fold(pages, |pages, path| pages.route(path, get(file)))
 }
 
-/// The API's documentation: Swagger UI.
+/// The API's documentation: Swagger UI in a page of our own.
 #[cfg(feature = "swagger")]
 fn docs() -> Router<App> {
-    use utoipa_swagger_ui::{Config, SwaggerUi};
+    use axum::extract::Path;
+    use axum::http::StatusCode;
+    use axum::response::{IntoResponse, Redirect};
 
-    Router::new().merge(SwaggerUi::new("/docs").config(Config::from("/openapi.json")))
+    async fn named(name: Option<Path<String>>, headers: HeaderMap) -> Response {
+        let name = name.map_or_else(String::new, |Path(name)| name);
+        match openapi::reader::file(&name) {
+            Some((content_type, bytes)) => dashboard::tagged(content_type, bytes, &headers),
+            None => StatusCode::NOT_FOUND.into_response(),
+        }
+    }
+    Router::new()
+        .route("/docs", get(|| async { Redirect::to("/docs/") }))
+        .route("/docs/", get(named))
+        .route("/docs/{*name}", get(named))
 }
 
 /// The API's documentation: a plain list of operations.

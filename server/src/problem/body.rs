@@ -43,7 +43,8 @@ pub(crate) fn finish(response: Response, path: &str, request_id: &str) -> Respon
     Response::from_parts(parts, Body::from(body))
 }
 
-fn title(kind: ProblemType) -> &'static str {
+/// The title of all problems of a type.
+pub(crate) fn title(kind: ProblemType) -> &'static str {
     match kind {
         ProblemType::MalformedRequest => "Malformed request",
         ProblemType::Unauthenticated => "Authentication required",

@@ -6,8 +6,8 @@ use serde_json::json;
 
 use crate::harness::Harness;
 
-/// Files of Swagger UI, which a build with the feature `swagger` has.
-const SWAGGER: &[&str] = &["swagger-ui-bundle.js", "swagger-ui.css", "swagger-initializer.js"];
+/// Files of the documentation, which a build with the feature `swagger` has.
+const SWAGGER: &[&str] = &["swagger-ui-bundle.js", "swagger-ui.css", "palpate.js", "palpate.css"];
 
 #[tokio::test(flavor = "multi_thread")]
 async fn health_documentation_and_metrics_are_served() {
@@ -20,7 +20,7 @@ async fn health_documentation_and_metrics_are_served() {
     assert_eq!(described.text, palpate_server::openapi::text());
     let docs = it.get("/docs/").await;
     assert_eq!(docs.status, 200);
-    let shown = if cfg!(feature = "swagger") { "swagger-ui" } else { "/v1/sessions/{session}" };
+    let shown = if cfg!(feature = "swagger") { "palpate.js" } else { "/v1/sessions/{session}" };
     assert!(docs.text.contains(shown), "{}", docs.text);
     let parts = if cfg!(feature = "swagger") { SWAGGER } else { &[] };
     for part in parts {

@@ -5715,6 +5715,11 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "alive": true
+                     *     }
+                     */
                     "application/json": components["schemas"]["Liveness"];
                 };
             };
@@ -5730,6 +5735,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/livez",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -5739,6 +5755,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/livez",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -5754,6 +5781,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/livez",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -5774,6 +5812,19 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example # TYPE palpate_store_commits_total counter
+                     *     palpate_store_commits_total 452
+                     *
+                     *     # TYPE palpate_feedback_total counter
+                     *     palpate_feedback_total{answer="right",object="unknown"} 0
+                     *     palpate_feedback_total{answer="right",object="known"} 20
+                     *     palpate_feedback_total{answer="wrong",object="known"} 1
+                     *     palpate_feedback_total{answer="wrong",object="unknown"} 0
+                     *
+                     *     # TYPE palpate_sensor_health_sessions_total counter
+                     *     palpate_sensor_health_sessions_total 20
+                     */
                     "text/plain": string;
                 };
             };
@@ -5783,6 +5834,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/metrics",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -5792,6 +5854,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/metrics",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -5807,6 +5880,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/metrics",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -5816,6 +5900,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/metrics",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -5831,6 +5926,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/metrics",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -5851,6 +5957,28 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "checks": [
+                     *         {
+                     *           "detail": "0 MB, 0 MB live",
+                     *           "name": "store",
+                     *           "passed": true
+                     *         },
+                     *         {
+                     *           "detail": "258 places are free",
+                     *           "name": "compute",
+                     *           "passed": true
+                     *         },
+                     *         {
+                     *           "detail": "the server serves",
+                     *           "name": "serving",
+                     *           "passed": true
+                     *         }
+                     *       ],
+                     *       "ready": true
+                     *     }
+                     */
                     "application/json": components["schemas"]["Readiness"];
                 };
             };
@@ -5866,6 +5994,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/readyz",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -5875,6 +6014,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/readyz",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -5890,6 +6040,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/readyz",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -5904,6 +6065,19 @@ export interface operations {
         };
         requestBody: {
             content: {
+                /**
+                 * @example {
+                 *       "element_width": 0.002,
+                 *       "force_resolutions": [
+                 *         0.005,
+                 *         0.05
+                 *       ],
+                 *       "thicknesses": [
+                 *         0.001,
+                 *         0.0025
+                 *       ]
+                 *     }
+                 */
                 "application/json": components["schemas"]["AnalyseCoverings"];
             };
         };
@@ -5914,6 +6088,54 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "aliasing_spread": 0.00190986,
+                     *       "coverings": [
+                     *         {
+                     *           "acuity": [
+                     *             {
+                     *               "force_resolution": 0.005,
+                     *               "representations": 49,
+                     *               "two_point_distance": 0.000388
+                     *             },
+                     *             {
+                     *               "force_resolution": 0.05,
+                     *               "representations": 11,
+                     *               "two_point_distance": 0.001768
+                     *             }
+                     *           ],
+                     *           "avoids_aliasing": true,
+                     *           "depth_range": 0.001,
+                     *           "spread": 0.002717,
+                     *           "spread_in_widths": 1.3585,
+                     *           "thickness": 0.001
+                     *         },
+                     *         {
+                     *           "acuity": [
+                     *             {
+                     *               "force_resolution": 0.005,
+                     *               "representations": 35,
+                     *               "two_point_distance": 0.000504
+                     *             },
+                     *             {
+                     *               "force_resolution": 0.05,
+                     *               "representations": 7,
+                     *               "two_point_distance": 0.001896
+                     *             }
+                     *           ],
+                     *           "avoids_aliasing": true,
+                     *           "depth_range": 0.0025,
+                     *           "spread": 0.0034625,
+                     *           "spread_in_widths": 1.73125,
+                     *           "thickness": 0.0025
+                     *         }
+                     *       ],
+                     *       "element_width": 0.002,
+                     *       "reason": "a point spread of 2.72 mm is the sharpest of these that is at least 1.91 mm (0.955 element widths), below which the elements alias; a thicker covering feels deeper and blurs more",
+                     *       "recommended": 0
+                     *     }
+                     */
                     "application/json": components["schemas"]["CoveringAnalysis"];
                 };
             };
@@ -5923,6 +6145,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/analyses/covering",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -5932,6 +6165,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/analyses/covering",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -5941,6 +6185,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/analyses/covering",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -5950,6 +6205,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/analyses/covering",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -5959,6 +6225,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/analyses/covering",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -5968,6 +6245,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/analyses/covering",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6008,6 +6296,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/analyses/covering",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6017,6 +6316,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/analyses/covering",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6032,6 +6342,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/analyses/covering",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6041,6 +6362,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/analyses/covering",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6076,6 +6408,45 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "items": [
+                     *         {
+                     *           "address": "127.0.0.1",
+                     *           "at": "2026-11-26T05:53:02.202Z",
+                     *           "key_id": null,
+                     *           "key_name": null,
+                     *           "last_at": "2026-11-26T05:53:02.202Z",
+                     *           "n": 1,
+                     *           "n_left_out": 0,
+                     *           "operation": "revoke_key",
+                     *           "request_id": "01a2166a-1afa-7520-a660-c69240d55de1",
+                     *           "resource": "/v1/keys/01a2166a-1ad9-777f-9c66-ec9c42e4ee65",
+                     *           "ring": "changes",
+                     *           "role": null,
+                     *           "seq": 81,
+                     *           "status": 204
+                     *         },
+                     *         {
+                     *           "address": "127.0.0.1",
+                     *           "at": "2026-11-26T05:53:02.182Z",
+                     *           "key_id": null,
+                     *           "key_name": null,
+                     *           "last_at": "2026-11-26T05:53:02.182Z",
+                     *           "n": 1,
+                     *           "n_left_out": 0,
+                     *           "operation": "release_robot",
+                     *           "request_id": "01a2166a-1ae6-7331-8d70-551162b341c1",
+                     *           "resource": "/v1/robots/left-arm",
+                     *           "ring": "changes",
+                     *           "role": null,
+                     *           "seq": 80,
+                     *           "status": 204
+                     *         }
+                     *       ],
+                     *       "next_cursor": "80"
+                     *     }
+                     */
                     "application/json": components["schemas"]["AuditPage"];
                 };
             };
@@ -6085,6 +6456,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/audit",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6094,6 +6476,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/audit",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6134,6 +6527,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/audit",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6143,6 +6547,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/audit",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6158,6 +6573,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/audit",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6189,6 +6615,33 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "items": [
+                     *         {
+                     *           "aliases": {},
+                     *           "current": {
+                     *             "changed_at": "2026-11-26T05:52:43.815Z",
+                     *             "revision": 1,
+                     *             "version": 1
+                     *           },
+                     *           "history": [
+                     *             {
+                     *               "changed_at": "2026-11-26T05:52:43.815Z",
+                     *               "revision": 1,
+                     *               "version": 1
+                     *             }
+                     *           ],
+                     *           "labels": {
+                     *             "line": "packing"
+                     *           },
+                     *           "latest_version": 1,
+                     *           "name": "default"
+                     *         }
+                     *       ],
+                     *       "next_cursor": null
+                     *     }
+                     */
                     "application/json": components["schemas"]["CataloguePage"];
                 };
             };
@@ -6198,6 +6651,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6207,6 +6671,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6247,6 +6722,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6256,6 +6742,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6271,6 +6768,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6281,7 +6789,10 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The catalogue's name */
+                /**
+                 * @description The catalogue's name
+                 * @example default
+                 */
                 name: string;
             };
             cookie?: never;
@@ -6294,6 +6805,26 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "aliases": {},
+                     *       "current": {
+                     *         "changed_at": "2026-11-26T05:52:43.815Z",
+                     *         "revision": 1,
+                     *         "version": 1
+                     *       },
+                     *       "history": [
+                     *         {
+                     *           "changed_at": "2026-11-26T05:52:43.815Z",
+                     *           "revision": 1,
+                     *           "version": 1
+                     *         }
+                     *       ],
+                     *       "labels": {},
+                     *       "latest_version": 1,
+                     *       "name": "default"
+                     *     }
+                     */
                     "application/json": components["schemas"]["Catalogue"];
                 };
             };
@@ -6303,6 +6834,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6312,6 +6854,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6321,6 +6874,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6336,6 +6900,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6345,6 +6920,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6360,6 +6946,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6370,7 +6967,10 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The catalogue's name */
+                /**
+                 * @description The catalogue's name
+                 * @example default
+                 */
                 name: string;
             };
             cookie?: never;
@@ -6390,6 +6990,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6399,6 +7010,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6408,6 +7030,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6417,6 +7050,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6432,6 +7076,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6441,6 +7096,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6456,6 +7122,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6465,6 +7142,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6475,15 +7163,26 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The catalogue's name */
+                /**
+                 * @description The catalogue's name
+                 * @example default
+                 */
                 name: string;
-                /** @description The alias, such as `candidate` */
+                /**
+                 * @description The alias, such as `candidate`
+                 * @example candidate
+                 */
                 alias: string;
             };
             cookie?: never;
         };
         requestBody: {
             content: {
+                /**
+                 * @example {
+                 *       "version": 2
+                 *     }
+                 */
                 "application/json": components["schemas"]["SetAlias"];
             };
         };
@@ -6494,6 +7193,35 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "aliases": {
+                     *         "candidate": 2
+                     *       },
+                     *       "current": {
+                     *         "changed_at": "2026-11-26T05:52:43.832Z",
+                     *         "revision": 2,
+                     *         "version": 1
+                     *       },
+                     *       "history": [
+                     *         {
+                     *           "changed_at": "2026-11-26T05:52:43.832Z",
+                     *           "revision": 2,
+                     *           "version": 1
+                     *         },
+                     *         {
+                     *           "changed_at": "2026-11-26T05:52:43.815Z",
+                     *           "revision": 1,
+                     *           "version": 1
+                     *         }
+                     *       ],
+                     *       "labels": {
+                     *         "line": "packing"
+                     *       },
+                     *       "latest_version": 2,
+                     *       "name": "default"
+                     *     }
+                     */
                     "application/json": components["schemas"]["Catalogue"];
                 };
             };
@@ -6503,6 +7231,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/aliases/{alias}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6512,6 +7251,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/aliases/{alias}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6521,6 +7271,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/aliases/{alias}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6530,6 +7291,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/aliases/{alias}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6539,6 +7311,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/aliases/{alias}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6548,6 +7331,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/aliases/{alias}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6557,6 +7351,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/aliases/{alias}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6597,6 +7402,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/aliases/{alias}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6606,6 +7422,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/aliases/{alias}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6621,6 +7448,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/aliases/{alias}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6630,6 +7468,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/aliases/{alias}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6640,9 +7489,15 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The catalogue's name */
+                /**
+                 * @description The catalogue's name
+                 * @example default
+                 */
                 name: string;
-                /** @description The alias */
+                /**
+                 * @description The alias
+                 * @example candidate
+                 */
                 alias: string;
             };
             cookie?: never;
@@ -6662,6 +7517,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/aliases/{alias}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6671,6 +7537,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/aliases/{alias}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6680,6 +7557,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/aliases/{alias}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6695,6 +7583,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/aliases/{alias}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6704,6 +7603,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/aliases/{alias}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6719,6 +7629,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/aliases/{alias}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6728,6 +7649,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/aliases/{alias}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6738,13 +7670,22 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The catalogue's name, such as `default` */
+                /**
+                 * @description The catalogue's name, such as `default`
+                 * @example default
+                 */
                 name: string;
             };
             cookie?: never;
         };
         requestBody: {
             content: {
+                /**
+                 * @example {
+                 *       "activate": true,
+                 *       "sensor": "digitacts-6x6"
+                 *     }
+                 */
                 "application/json": components["schemas"]["RecalibrateCatalogue"];
             };
         };
@@ -6757,6 +7698,52 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "catalogue": "default",
+                     *       "created_at": "2026-11-26T05:53:01.227Z",
+                     *       "done": 0,
+                     *       "eta_s": null,
+                     *       "finished_at": null,
+                     *       "id": "01a2166a-172a-74cc-9a48-6a6d304a6d1d",
+                     *       "reason": null,
+                     *       "recalibration": {
+                     *         "activate": true,
+                     *         "sensor": "digitacts-6x6",
+                     *         "sessions": [
+                     *           "01a21669-e84c-7391-9f45-b9f8a49b69b8",
+                     *           "01a21669-eaa8-7448-b174-93e5035429c2",
+                     *           "01a21669-ef1a-7005-98d8-82490d917c01",
+                     *           "01a21669-f0e5-77d6-a3cb-cdc37f091e8a",
+                     *           "01a21669-f3c1-73ab-a16b-ee0a099c8d8b",
+                     *           "01a21669-f581-72a9-895b-122818d521ac",
+                     *           "01a21669-f7ea-73d4-8a01-f30b7f68fce6",
+                     *           "01a21669-f9b6-75ff-baab-6aa2da3d3423",
+                     *           "01a21669-fcfa-7521-840a-bd27f5165dcd",
+                     *           "01a21669-feae-7447-bff5-b69dab9fecec",
+                     *           "01a2166a-0111-7248-b3bf-55b1569c6ec7",
+                     *           "01a2166a-02e1-74cd-8c21-c5e42806b9ed",
+                     *           "01a2166a-0604-722d-9244-b2d4de53722d",
+                     *           "01a2166a-0825-7702-8a20-776382703193",
+                     *           "01a2166a-0aec-74c2-87f6-1e31ae1a941b",
+                     *           "01a2166a-0cbf-752d-b673-df9cf87541e4",
+                     *           "01a2166a-1024-75eb-acc3-f1eee383d71f",
+                     *           "01a2166a-1244-7640-9b29-3dde831d6118",
+                     *           "01a2166a-1508-71d3-9b67-62755e9ad0f8",
+                     *           "01a2166a-1705-74d9-a02d-20d77329b9a7"
+                     *         ],
+                     *         "version": 1
+                     *       },
+                     *       "shadow": null,
+                     *       "shadow_report": null,
+                     *       "stage": null,
+                     *       "started_at": null,
+                     *       "state": "queued",
+                     *       "total": 0,
+                     *       "training": {},
+                     *       "version": null
+                     *     }
+                     */
                     "application/json": components["schemas"]["Job"];
                 };
             };
@@ -6766,6 +7753,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/calibrations",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6775,6 +7773,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/calibrations",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6784,6 +7793,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/calibrations",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6793,6 +7813,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/calibrations",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6802,6 +7833,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/calibrations",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6811,6 +7853,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/calibrations",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6820,6 +7873,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/calibrations",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6829,6 +7893,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/calibrations",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6869,6 +7944,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/calibrations",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6878,6 +7964,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/calibrations",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6893,6 +7990,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/calibrations",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6902,6 +8010,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/calibrations",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6912,7 +8031,10 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The catalogue's name */
+                /**
+                 * @description The catalogue's name
+                 * @example default
+                 */
                 name: string;
             };
             cookie?: never;
@@ -6927,6 +8049,13 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "changed_at": "2026-11-26T05:52:43.815Z",
+                     *       "revision": 1,
+                     *       "version": 1
+                     *     }
+                     */
                     "application/json": components["schemas"]["CurrentVersion"];
                 };
             };
@@ -6936,6 +8065,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/current",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6945,6 +8085,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/current",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6954,6 +8105,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/current",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6963,6 +8125,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/current",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6978,6 +8151,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/current",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -6987,6 +8171,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/current",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7002,6 +8197,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/current",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7015,13 +8221,21 @@ export interface operations {
                 "if-match": string;
             };
             path: {
-                /** @description The catalogue's name */
+                /**
+                 * @description The catalogue's name
+                 * @example default
+                 */
                 name: string;
             };
             cookie?: never;
         };
         requestBody: {
             content: {
+                /**
+                 * @example {
+                 *       "version": 1
+                 *     }
+                 */
                 "application/json": components["schemas"]["SetCurrent"];
             };
         };
@@ -7034,6 +8248,13 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "changed_at": "2026-11-26T05:52:43.832Z",
+                     *       "revision": 2,
+                     *       "version": 1
+                     *     }
+                     */
                     "application/json": components["schemas"]["CurrentVersion"];
                 };
             };
@@ -7043,6 +8264,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/current",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7052,6 +8284,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/current",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7061,6 +8304,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/current",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7070,6 +8324,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/current",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7079,6 +8344,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/current",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7088,6 +8364,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the current version has revision 4, expected 3",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/current",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 412,
+                     *       "title": "Precondition failed",
+                     *       "type": "urn:palpate:problem:precondition-failed"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7097,6 +8384,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/current",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7106,6 +8404,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/current",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7140,6 +8449,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the header If-Match is missing",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/current",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 428,
+                     *       "title": "Precondition required",
+                     *       "type": "urn:palpate:problem:precondition-required"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7155,6 +8475,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/current",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7164,6 +8495,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/current",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7179,6 +8521,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/current",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7188,6 +8541,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/current",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7198,13 +8562,23 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The catalogue's name */
+                /**
+                 * @description The catalogue's name
+                 * @example default
+                 */
                 name: string;
             };
             cookie?: never;
         };
         requestBody: {
             content: {
+                /**
+                 * @example {
+                 *       "labels": {
+                 *         "line": "packing"
+                 *       }
+                 *     }
+                 */
                 "application/json": components["schemas"]["SetLabels"];
             };
         };
@@ -7215,6 +8589,28 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "aliases": {},
+                     *       "current": {
+                     *         "changed_at": "2026-11-26T05:52:43.815Z",
+                     *         "revision": 1,
+                     *         "version": 1
+                     *       },
+                     *       "history": [
+                     *         {
+                     *           "changed_at": "2026-11-26T05:52:43.815Z",
+                     *           "revision": 1,
+                     *           "version": 1
+                     *         }
+                     *       ],
+                     *       "labels": {
+                     *         "line": "packing"
+                     *       },
+                     *       "latest_version": 1,
+                     *       "name": "default"
+                     *     }
+                     */
                     "application/json": components["schemas"]["Catalogue"];
                 };
             };
@@ -7224,6 +8620,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7233,6 +8640,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7242,6 +8660,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7251,6 +8680,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7260,6 +8700,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7269,6 +8720,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7278,6 +8740,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7318,6 +8791,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7327,6 +8811,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7342,6 +8837,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7351,6 +8857,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7361,13 +8878,26 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The catalogue's name */
+                /**
+                 * @description The catalogue's name
+                 * @example default
+                 */
                 name: string;
             };
             cookie?: never;
         };
         requestBody: {
             content: {
+                /**
+                 * @example {
+                 *       "activate": false,
+                 *       "version": 1,
+                 *       "with": {
+                 *         "catalogue": "lab-2",
+                 *         "version": 1
+                 *       }
+                 *     }
+                 */
                 "application/json": components["schemas"]["MergeMaps"];
             };
         };
@@ -7380,6 +8910,145 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "catalogue": "lab",
+                     *       "created_at": "2026-11-26T05:52:48.067Z",
+                     *       "damage": null,
+                     *       "is_current": false,
+                     *       "job": null,
+                     *       "merged_from": [
+                     *         {
+                     *           "catalogue": "lab",
+                     *           "version": 1
+                     *         },
+                     *         {
+                     *           "catalogue": "lab-2",
+                     *           "version": 1
+                     *         }
+                     *       ],
+                     *       "report": {
+                     *         "appearance": {
+                     *           "accuracy": 1,
+                     *           "n_classes": 8,
+                     *           "n_components": 8,
+                     *           "n_readings": 20,
+                     *           "vocabulary": "e113253b01b297189d47a73facb56180",
+                     *           "warnings": []
+                     *         },
+                     *         "calibrated": true,
+                     *         "calibrated_on": 2,
+                     *         "index_bytes": 173158,
+                     *         "n_classes": 25,
+                     *         "objects": [
+                     *           {
+                     *             "geometric": {
+                     *               "bytes": 38016,
+                     *               "cell": 0.004,
+                     *               "has_force": false,
+                     *               "kind": "solid",
+                     *               "n_cells": [
+                     *                 24,
+                     *                 18,
+                     *                 22
+                     *               ]
+                     *             },
+                     *             "id": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *             "index_bytes": 90110,
+                     *             "n_patches": 100,
+                     *             "n_readings": 100,
+                     *             "name": "mug",
+                     *             "origin_in_mesh": [
+                     *               2.15082e-11,
+                     *               -9.0369e-12,
+                     *               -5.26235e-11
+                     *             ],
+                     *             "sensor_knowledge": "measured",
+                     *             "surface": {
+                     *               "bytes": 134634,
+                     *               "n_pairs": 3993,
+                     *               "n_patches": 90
+                     *             },
+                     *             "symmetry": [],
+                     *             "symmetry_by": "mesh",
+                     *             "symmetry_touches_needed": null,
+                     *             "warnings": []
+                     *           },
+                     *           {
+                     *             "geometric": {
+                     *               "bytes": 17100,
+                     *               "cell": 0.004,
+                     *               "has_force": false,
+                     *               "kind": "solid",
+                     *               "n_cells": [
+                     *                 19,
+                     *                 9,
+                     *                 25
+                     *               ]
+                     *             },
+                     *             "id": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *             "index_bytes": 83048,
+                     *             "n_patches": 100,
+                     *             "n_readings": 100,
+                     *             "name": "hammer",
+                     *             "origin_in_mesh": [
+                     *               -5.28264e-12,
+                     *               -4.67374e-20,
+                     *               -3.2565e-11
+                     *             ],
+                     *             "sensor_knowledge": "measured",
+                     *             "surface": {
+                     *               "bytes": 129052,
+                     *               "n_pairs": 3879,
+                     *               "n_patches": 90
+                     *             },
+                     *             "symmetry": [],
+                     *             "symmetry_by": "mesh",
+                     *             "symmetry_touches_needed": null,
+                     *             "warnings": []
+                     *           }
+                     *         ],
+                     *         "seconds": 2.01845,
+                     *         "seed": 3,
+                     *         "sensor_knowledge": "measured",
+                     *         "skipped": [],
+                     *         "surface_bytes": 263686,
+                     *         "uncalibrated_reason": null,
+                     *         "warnings": []
+                     *       },
+                     *       "training": {
+                     *         "activate": true,
+                     *         "appearance": {
+                     *           "clustering": "mixture",
+                     *           "descriptor": "mnti",
+                     *           "n_classes": [
+                     *             8
+                     *           ],
+                     *           "report_readings": 20,
+                     *           "source": "images",
+                     *           "variance_share": 0.99
+                     *         },
+                     *         "descriptor": "mnti",
+                     *         "geometric": {
+                     *           "cell": 0.004,
+                     *           "kind": "solid"
+                     *         },
+                     *         "n_classes": 25,
+                     *         "objects": [
+                     *           "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *           "01a21669-9f21-7791-8c5a-69cb68db9812"
+                     *         ],
+                     *         "readings_per_object": 100,
+                     *         "seed": 3,
+                     *         "sensor": "01a21669-99c1-70aa-a1e4-bf9737d62a83",
+                     *         "sensor_knowledge": "measured",
+                     *         "strict": false,
+                     *         "surface": true,
+                     *         "sva": true
+                     *       },
+                     *       "version": 2
+                     *     }
+                     */
                     "application/json": components["schemas"]["CatalogueVersion"];
                 };
             };
@@ -7389,6 +9058,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/merges",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7398,6 +9078,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/merges",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7407,6 +9098,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/merges",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7416,6 +9118,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/merges",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7425,6 +9138,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/merges",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7434,6 +9158,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/merges",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7443,6 +9178,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/merges",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7452,6 +9198,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/merges",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7492,6 +9249,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/merges",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7501,6 +9269,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/merges",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7516,6 +9295,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/merges",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7525,6 +9315,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/merges",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7535,7 +9336,10 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The catalogue's name, such as `default` */
+                /**
+                 * @description The catalogue's name, such as `default`
+                 * @example default
+                 */
                 name: string;
             };
             cookie?: never;
@@ -7545,19 +9349,15 @@ export interface operations {
                 /**
                  * @example {
                  *       "activate": true,
-                 *       "descriptor": "mnti",
-                 *       "distance_range": {
-                 *         "max": 0.16,
-                 *         "min": 0.008
-                 *       },
-                 *       "n_classes": 25,
                  *       "objects": [
                  *         "mug",
-                 *         "screwdriver"
+                 *         "hammer"
                  *       ],
-                 *       "readings_per_object": 1000,
+                 *       "readings_per_object": 400,
                  *       "seed": 7,
-                 *       "sensor": "digitacts-6x6"
+                 *       "sensor": "digitacts-6x6",
+                 *       "surface": true,
+                 *       "sva": false
                  *     }
                  */
                 "application/json": components["schemas"]["StartTraining"];
@@ -7572,6 +9372,41 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "catalogue": "default",
+                     *       "created_at": "2026-11-26T05:52:39.822Z",
+                     *       "done": 0,
+                     *       "eta_s": null,
+                     *       "finished_at": null,
+                     *       "id": "01a21669-c38e-74ab-a657-b3b81698a508",
+                     *       "reason": null,
+                     *       "recalibration": null,
+                     *       "shadow": null,
+                     *       "shadow_report": null,
+                     *       "stage": null,
+                     *       "started_at": null,
+                     *       "state": "queued",
+                     *       "total": 0,
+                     *       "training": {
+                     *         "activate": true,
+                     *         "descriptor": "mnti",
+                     *         "n_classes": 25,
+                     *         "objects": [
+                     *           "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *           "01a21669-9f21-7791-8c5a-69cb68db9812"
+                     *         ],
+                     *         "readings_per_object": 400,
+                     *         "seed": 7,
+                     *         "sensor": "01a21669-99c1-70aa-a1e4-bf9737d62a83",
+                     *         "sensor_knowledge": "measured",
+                     *         "strict": false,
+                     *         "surface": true,
+                     *         "sva": false
+                     *       },
+                     *       "version": null
+                     *     }
+                     */
                     "application/json": components["schemas"]["Job"];
                 };
             };
@@ -7581,6 +9416,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/trainings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7590,6 +9436,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/trainings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7599,6 +9456,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/trainings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7608,6 +9476,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/trainings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7617,6 +9496,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/trainings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7626,6 +9516,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/trainings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7635,6 +9536,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/trainings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7675,6 +9587,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/trainings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7684,6 +9607,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/trainings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7699,6 +9633,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/trainings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7708,6 +9653,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/trainings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7723,7 +9679,10 @@ export interface operations {
             };
             header?: never;
             path: {
-                /** @description The catalogue's name */
+                /**
+                 * @description The catalogue's name
+                 * @example default
+                 */
                 name: string;
             };
             cookie?: never;
@@ -7736,6 +9695,100 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "items": [
+                     *         {
+                     *           "catalogue": "default",
+                     *           "created_at": "2026-11-26T05:52:43.807Z",
+                     *           "damage": null,
+                     *           "is_current": true,
+                     *           "job": "01a21669-c38e-74ab-a657-b3b81698a508",
+                     *           "merged_from": [],
+                     *           "report": {
+                     *             "appearance": null,
+                     *             "calibrated": true,
+                     *             "calibrated_on": 2,
+                     *             "index_bytes": 0,
+                     *             "n_classes": 0,
+                     *             "objects": [
+                     *               {
+                     *                 "geometric": null,
+                     *                 "id": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *                 "index_bytes": 0,
+                     *                 "n_patches": 0,
+                     *                 "n_readings": 400,
+                     *                 "name": "mug",
+                     *                 "origin_in_mesh": [
+                     *                   2.15082e-11,
+                     *                   -9.0369e-12,
+                     *                   -5.26235e-11
+                     *                 ],
+                     *                 "sensor_knowledge": "measured",
+                     *                 "surface": {
+                     *                   "bytes": 443600,
+                     *                   "n_pairs": 64375,
+                     *                   "n_patches": 360
+                     *                 },
+                     *                 "symmetry": [],
+                     *                 "symmetry_by": "mesh",
+                     *                 "symmetry_touches_needed": null,
+                     *                 "warnings": []
+                     *               },
+                     *               {
+                     *                 "geometric": null,
+                     *                 "id": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *                 "index_bytes": 0,
+                     *                 "n_patches": 0,
+                     *                 "n_readings": 400,
+                     *                 "name": "hammer",
+                     *                 "origin_in_mesh": [
+                     *                   -5.28264e-12,
+                     *                   -4.67374e-20,
+                     *                   -3.2565e-11
+                     *                 ],
+                     *                 "sensor_knowledge": "measured",
+                     *                 "surface": {
+                     *                   "bytes": 409566,
+                     *                   "n_pairs": 63111,
+                     *                   "n_patches": 360
+                     *                 },
+                     *                 "symmetry": [],
+                     *                 "symmetry_by": "mesh",
+                     *                 "symmetry_touches_needed": null,
+                     *                 "warnings": []
+                     *               }
+                     *             ],
+                     *             "seconds": 3.98194,
+                     *             "seed": 7,
+                     *             "sensor_knowledge": "measured",
+                     *             "skipped": [],
+                     *             "surface_bytes": 853166,
+                     *             "uncalibrated_reason": null,
+                     *             "warnings": []
+                     *           },
+                     *           "training": {
+                     *             "activate": true,
+                     *             "descriptor": "mnti",
+                     *             "n_classes": 25,
+                     *             "objects": [
+                     *               "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *               "01a21669-9f21-7791-8c5a-69cb68db9812"
+                     *             ],
+                     *             "readings_per_object": 400,
+                     *             "seed": 7,
+                     *             "sensor": "01a21669-99c1-70aa-a1e4-bf9737d62a83",
+                     *             "sensor_knowledge": "measured",
+                     *             "strict": false,
+                     *             "surface": true,
+                     *             "sva": false
+                     *           },
+                     *           "version": 1
+                     *         }
+                     *       ],
+                     *       "next_cursor": null
+                     *     }
+                     */
                     "application/json": components["schemas"]["CatalogueVersionPage"];
                 };
             };
@@ -7745,6 +9798,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7754,6 +9818,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7763,6 +9838,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7803,6 +9889,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7812,6 +9909,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7827,6 +9935,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7837,9 +9956,15 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The catalogue's name */
+                /**
+                 * @description The catalogue's name
+                 * @example default
+                 */
                 name: string;
-                /** @description The version's number */
+                /**
+                 * @description The version's number
+                 * @example 1
+                 */
                 version: number;
             };
             cookie?: never;
@@ -7852,6 +9977,95 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "catalogue": "default",
+                     *       "created_at": "2026-11-26T05:52:43.807Z",
+                     *       "damage": null,
+                     *       "is_current": true,
+                     *       "job": "01a21669-c38e-74ab-a657-b3b81698a508",
+                     *       "merged_from": [],
+                     *       "report": {
+                     *         "appearance": null,
+                     *         "calibrated": true,
+                     *         "calibrated_on": 2,
+                     *         "index_bytes": 0,
+                     *         "n_classes": 0,
+                     *         "objects": [
+                     *           {
+                     *             "geometric": null,
+                     *             "id": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *             "index_bytes": 0,
+                     *             "n_patches": 0,
+                     *             "n_readings": 400,
+                     *             "name": "mug",
+                     *             "origin_in_mesh": [
+                     *               2.15082e-11,
+                     *               -9.0369e-12,
+                     *               -5.26235e-11
+                     *             ],
+                     *             "sensor_knowledge": "measured",
+                     *             "surface": {
+                     *               "bytes": 443600,
+                     *               "n_pairs": 64375,
+                     *               "n_patches": 360
+                     *             },
+                     *             "symmetry": [],
+                     *             "symmetry_by": "mesh",
+                     *             "symmetry_touches_needed": null,
+                     *             "warnings": []
+                     *           },
+                     *           {
+                     *             "geometric": null,
+                     *             "id": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *             "index_bytes": 0,
+                     *             "n_patches": 0,
+                     *             "n_readings": 400,
+                     *             "name": "hammer",
+                     *             "origin_in_mesh": [
+                     *               -5.28264e-12,
+                     *               -4.67374e-20,
+                     *               -3.2565e-11
+                     *             ],
+                     *             "sensor_knowledge": "measured",
+                     *             "surface": {
+                     *               "bytes": 409566,
+                     *               "n_pairs": 63111,
+                     *               "n_patches": 360
+                     *             },
+                     *             "symmetry": [],
+                     *             "symmetry_by": "mesh",
+                     *             "symmetry_touches_needed": null,
+                     *             "warnings": []
+                     *           }
+                     *         ],
+                     *         "seconds": 3.98194,
+                     *         "seed": 7,
+                     *         "sensor_knowledge": "measured",
+                     *         "skipped": [],
+                     *         "surface_bytes": 853166,
+                     *         "uncalibrated_reason": null,
+                     *         "warnings": []
+                     *       },
+                     *       "training": {
+                     *         "activate": true,
+                     *         "descriptor": "mnti",
+                     *         "n_classes": 25,
+                     *         "objects": [
+                     *           "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *           "01a21669-9f21-7791-8c5a-69cb68db9812"
+                     *         ],
+                     *         "readings_per_object": 400,
+                     *         "seed": 7,
+                     *         "sensor": "01a21669-99c1-70aa-a1e4-bf9737d62a83",
+                     *         "sensor_knowledge": "measured",
+                     *         "strict": false,
+                     *         "surface": true,
+                     *         "sva": false
+                     *       },
+                     *       "version": 1
+                     *     }
+                     */
                     "application/json": components["schemas"]["CatalogueVersion"];
                 };
             };
@@ -7861,6 +10075,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7870,6 +10095,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7879,6 +10115,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7894,6 +10141,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7903,6 +10161,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7918,6 +10187,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7928,9 +10208,15 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The catalogue's name */
+                /**
+                 * @description The catalogue's name
+                 * @example default
+                 */
                 name: string;
-                /** @description The version's number */
+                /**
+                 * @description The version's number
+                 * @example 1
+                 */
                 version: number;
             };
             cookie?: never;
@@ -7950,6 +10236,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7959,6 +10256,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7968,6 +10276,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7977,6 +10296,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -7992,6 +10322,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8001,6 +10342,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8016,6 +10368,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8025,6 +10388,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8040,11 +10414,20 @@ export interface operations {
             };
             header?: never;
             path: {
-                /** @description The catalogue's name */
+                /**
+                 * @description The catalogue's name
+                 * @example default
+                 */
                 name: string;
-                /** @description The version's number */
+                /**
+                 * @description The version's number
+                 * @example 1
+                 */
                 version: number;
-                /** @description The object's id, or its name when trained */
+                /**
+                 * @description The object's id, or its name when trained
+                 * @example mug
+                 */
                 object: string;
             };
             cookie?: never;
@@ -8057,6 +10440,56 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "distances": {
+                     *         "max": 0.0836858,
+                     *         "min": 0.008,
+                     *         "n_bins": 40
+                     *       },
+                     *       "id": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *       "index_bytes": 90110,
+                     *       "n_patches": 100,
+                     *       "n_postings": 6351,
+                     *       "name": "mug",
+                     *       "next_cursor": "2",
+                     *       "origin_in_mesh": [
+                     *         2.15082e-11,
+                     *         -9.0369e-12,
+                     *         -5.26235e-11
+                     *       ],
+                     *       "patches": [
+                     *         {
+                     *           "class": 9,
+                     *           "normal": [
+                     *             -0.998515,
+                     *             0.0505955,
+                     *             -0.0201751
+                     *           ],
+                     *           "normal_confidence": 0.827953,
+                     *           "position": [
+                     *             -0.0302934,
+                     *             0.00133983,
+                     *             0.00398707
+                     *           ]
+                     *         },
+                     *         {
+                     *           "class": 0,
+                     *           "normal": [
+                     *             -0.794369,
+                     *             0.607022,
+                     *             0.0224147
+                     *           ],
+                     *           "normal_confidence": 0.42986,
+                     *           "position": [
+                     *             0.0192172,
+                     *             -0.0133325,
+                     *             0.0312399
+                     *           ]
+                     *         }
+                     *       ]
+                     *     }
+                     */
                     "application/json": components["schemas"]["ObjectMap"];
                 };
             };
@@ -8066,6 +10499,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/map",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8075,6 +10519,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/map",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8084,6 +10539,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/map",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8124,6 +10590,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/map",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8133,6 +10610,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/map",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8148,6 +10636,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/map",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8161,11 +10660,20 @@ export interface operations {
             };
             header?: never;
             path: {
-                /** @description The catalogue's name */
+                /**
+                 * @description The catalogue's name
+                 * @example default
+                 */
                 name: string;
-                /** @description The version's number */
+                /**
+                 * @description The version's number
+                 * @example 1
+                 */
                 version: number;
-                /** @description The object's id, or its name when trained */
+                /**
+                 * @description The object's id, or its name when trained
+                 * @example mug
+                 */
                 object: string;
             };
             cookie?: never;
@@ -8180,6 +10688,463 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "cell": 0.004,
+                     *       "has_force": false,
+                     *       "id": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *       "kind": "solid",
+                     *       "log_odds": [
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0.000926429,
+                     *         0.00888219,
+                     *         0.0164693,
+                     *         0.00545764,
+                     *         0.000688383,
+                     *         0.00680548,
+                     *         0.000540147,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0.0100904,
+                     *         0.630428,
+                     *         1.94892,
+                     *         1.52183,
+                     *         0.32551,
+                     *         0.12937,
+                     *         1.73322,
+                     *         0.724721,
+                     *         0.0552961,
+                     *         0.000299499,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0.00647974,
+                     *         0.21943,
+                     *         0.182308,
+                     *         2.20609,
+                     *         3.12978,
+                     *         3.47647,
+                     *         2.02879,
+                     *         0.366808,
+                     *         2.98554,
+                     *         5.90151,
+                     *         3.17657,
+                     *         0.222977,
+                     *         0.000218599,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0.00969934,
+                     *         1.4044,
+                     *         5.06849,
+                     *         0.900989,
+                     *         0.0504293,
+                     *         0.346049,
+                     *         1.57687,
+                     *         0.831983,
+                     *         0.111202,
+                     *         0.0461506,
+                     *         0.622352,
+                     *         2.86653,
+                     *         0.622952,
+                     *         0.00967608,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0.000294435,
+                     *         0.640914,
+                     *         8,
+                     *         4.7205,
+                     *         0.379294,
+                     *         0.0102667,
+                     *         0.00141466,
+                     *         0.00483917,
+                     *         0.0017149,
+                     *         0,
+                     *         0,
+                     *         0.00175502,
+                     *         0.031529,
+                     *         0.103621,
+                     *         0.300849,
+                     *         0.0107177,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0.0383391,
+                     *         5.00871,
+                     *         8,
+                     *         0.386248,
+                     *         0.0264285,
+                     *         0.000264087,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0.0123843,
+                     *         1.02035,
+                     *         0.756239,
+                     *         0.0113361,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0.228141,
+                     *         7.81529,
+                     *         1.96575,
+                     *         0.0100696,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0.0166618,
+                     *         3.43788,
+                     *         5.86495,
+                     *         0.0765076,
+                     *         0,
+                     *         0,
+                     *         -0.0008287,
+                     *         -0.0000136412,
+                     *         0.000180685,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0.0974891,
+                     *         1.35088,
+                     *         0.121734,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0.000322923,
+                     *         1.07879,
+                     *         7.56297,
+                     *         0.367148,
+                     *         0,
+                     *         0,
+                     *         -0.0190529,
+                     *         0.0751448,
+                     *         0.202459,
+                     *         0.0610725,
+                     *         0,
+                     *         0,
+                     *         0.00882941,
+                     *         0.0357365,
+                     *         0.000449154,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0.482263,
+                     *         8,
+                     *         1.07532,
+                     *         0,
+                     *         0.00058278,
+                     *         0.136858,
+                     *         0.350707,
+                     *         3.61887,
+                     *         1.68087,
+                     *         0.00847121,
+                     *         0,
+                     *         0.0814996,
+                     *         0.303547,
+                     *         0.00622926,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0.354074,
+                     *         8,
+                     *         0.881718,
+                     *         0,
+                     *         0.00309417,
+                     *         1.13287,
+                     *         5.42406,
+                     *         6.33915,
+                     *         0.92691,
+                     *         0.00331084,
+                     *         0,
+                     *         0.182113,
+                     *         1.73716,
+                     *         0.108661,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0.24029,
+                     *         2.97806,
+                     *         0.218562,
+                     *         0.000336667,
+                     *         -0.00464144,
+                     *         -0.162247,
+                     *         5.45745,
+                     *         1.07225,
+                     *         -0.00160346,
+                     *         0,
+                     *         0,
+                     *         0.125473,
+                     *         3.16397,
+                     *         0.465043,
+                     *         0.00034218,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0.00175993,
+                     *         0.0998534,
+                     *         0.920433,
+                     *         1.00212,
+                     *         0.0104133,
+                     *         -0.00261752,
+                     *         -0.32766,
+                     *         -0.128818,
+                     *         -0.120319,
+                     *         -0.0196538,
+                     *         0,
+                     *         0,
+                     *         0.00607825,
+                     *         0.256893,
+                     *         0.0630301,
+                     *         0.00396118,
+                     *         0.0252302,
+                     *         0.0011322,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0.00267227,
+                     *         0.048481,
+                     *         0.550107,
+                     *         4.81296,
+                     *         1.28615,
+                     *         0.00448412,
+                     *         0,
+                     *         -0.00112717,
+                     *         -0.00071881,
+                     *         -0.000443367,
+                     *         -0.00012942,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0.00314399,
+                     *         0.148335,
+                     *         0.938434,
+                     *         0.150422,
+                     *         0.0973551,
+                     *         0.0104878,
+                     *         0.00445538,
+                     *         0.00133096,
+                     *         0.0718449,
+                     *         0.560906,
+                     *         1.01446,
+                     *         2.70886,
+                     *         4.22778,
+                     *         0.15065,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0.0170877,
+                     *         1.76469,
+                     *         3.30506,
+                     *         2.7314,
+                     *         6.38303,
+                     *         2.8735,
+                     *         2.17649,
+                     *         0.321197,
+                     *         2.3251,
+                     *         2.9009,
+                     *         0.542929,
+                     *         1.32947,
+                     *         0.417391,
+                     *         0.00154573,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0.0028601,
+                     *         0.526282,
+                     *         4.9692,
+                     *         8,
+                     *         7.69251,
+                     *         5.06892,
+                     *         5.31789,
+                     *         1.64898,
+                     *         3.72472,
+                     *         1.73475,
+                     *         0.0441524,
+                     *         0.007463,
+                     *         0.00146926,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0.00119091,
+                     *         0.134384,
+                     *         1.64713,
+                     *         3.1002,
+                     *         0.418585,
+                     *         0.202606,
+                     *         1.52615,
+                     *         2.02888,
+                     *         0.369249,
+                     *         0.00451306,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0.00173402,
+                     *         0.0130708,
+                     *         0.00282695,
+                     *         0.00222447,
+                     *         0.0135646,
+                     *         0.00837664,
+                     *         0.000320499,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0
+                     *       ],
+                     *       "min": [
+                     *         -0.04,
+                     *         -0.036,
+                     *         -0.04
+                     *       ],
+                     *       "n_cells": [
+                     *         24,
+                     *         18,
+                     *         22
+                     *       ],
+                     *       "n_free": 269,
+                     *       "n_occupied": 3838,
+                     *       "n_unknown": 5397,
+                     *       "name": "mug",
+                     *       "prior": 0.5
+                     *     }
+                     */
                     "application/json": components["schemas"]["OccupancyMap"];
                 };
             };
@@ -8196,6 +11161,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/occupancy",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8205,6 +11181,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/occupancy",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8214,6 +11201,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/occupancy",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8223,6 +11221,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/occupancy",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8263,6 +11272,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/occupancy",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8272,6 +11292,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/occupancy",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8287,6 +11318,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/occupancy",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8300,11 +11342,20 @@ export interface operations {
             };
             header?: never;
             path: {
-                /** @description The catalogue's name */
+                /**
+                 * @description The catalogue's name
+                 * @example default
+                 */
                 name: string;
-                /** @description The version's number */
+                /**
+                 * @description The version's number
+                 * @example 1
+                 */
                 version: number;
-                /** @description The object's id, or its name when trained */
+                /**
+                 * @description The object's id, or its name when trained
+                 * @example mug
+                 */
                 object: string;
             };
             cookie?: never;
@@ -8335,6 +11386,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/occupancy.ply",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8344,6 +11406,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/occupancy.ply",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8353,6 +11426,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/occupancy.ply",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8362,6 +11446,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/occupancy.ply",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8402,6 +11497,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/occupancy.ply",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8411,6 +11517,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/occupancy.ply",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8426,6 +11543,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/occupancy.ply",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8439,11 +11567,20 @@ export interface operations {
             };
             header?: never;
             path: {
-                /** @description The catalogue's name */
+                /**
+                 * @description The catalogue's name
+                 * @example default
+                 */
                 name: string;
-                /** @description The version's number */
+                /**
+                 * @description The version's number
+                 * @example 1
+                 */
                 version: number;
-                /** @description The object's id, or its name when trained */
+                /**
+                 * @description The object's id, or its name when trained
+                 * @example mug
+                 */
                 object: string;
             };
             cookie?: never;
@@ -8474,6 +11611,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/occupancy.png",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8483,6 +11631,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/occupancy.png",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8492,6 +11651,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/occupancy.png",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8501,6 +11671,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/occupancy.png",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8541,6 +11722,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/occupancy.png",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8550,6 +11742,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/occupancy.png",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8565,6 +11768,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/occupancy.png",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8575,9 +11789,15 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The catalogue's name */
+                /**
+                 * @description The catalogue's name
+                 * @example default
+                 */
                 name: string;
-                /** @description The version's number */
+                /**
+                 * @description The version's number
+                 * @example 1
+                 */
                 version: number;
             };
             cookie?: never;
@@ -8590,6 +11810,70 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "appearance": null,
+                     *       "calibrated": true,
+                     *       "calibrated_on": 2,
+                     *       "index_bytes": 0,
+                     *       "n_classes": 0,
+                     *       "objects": [
+                     *         {
+                     *           "geometric": null,
+                     *           "id": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *           "index_bytes": 0,
+                     *           "n_patches": 0,
+                     *           "n_readings": 400,
+                     *           "name": "mug",
+                     *           "origin_in_mesh": [
+                     *             2.15082e-11,
+                     *             -9.0369e-12,
+                     *             -5.26235e-11
+                     *           ],
+                     *           "sensor_knowledge": "measured",
+                     *           "surface": {
+                     *             "bytes": 443600,
+                     *             "n_pairs": 64375,
+                     *             "n_patches": 360
+                     *           },
+                     *           "symmetry": [],
+                     *           "symmetry_by": "mesh",
+                     *           "symmetry_touches_needed": null,
+                     *           "warnings": []
+                     *         },
+                     *         {
+                     *           "geometric": null,
+                     *           "id": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *           "index_bytes": 0,
+                     *           "n_patches": 0,
+                     *           "n_readings": 400,
+                     *           "name": "hammer",
+                     *           "origin_in_mesh": [
+                     *             -5.28264e-12,
+                     *             -4.67374e-20,
+                     *             -3.2565e-11
+                     *           ],
+                     *           "sensor_knowledge": "measured",
+                     *           "surface": {
+                     *             "bytes": 409566,
+                     *             "n_pairs": 63111,
+                     *             "n_patches": 360
+                     *           },
+                     *           "symmetry": [],
+                     *           "symmetry_by": "mesh",
+                     *           "symmetry_touches_needed": null,
+                     *           "warnings": []
+                     *         }
+                     *       ],
+                     *       "seconds": 3.98194,
+                     *       "seed": 7,
+                     *       "sensor_knowledge": "measured",
+                     *       "skipped": [],
+                     *       "surface_bytes": 853166,
+                     *       "uncalibrated_reason": null,
+                     *       "warnings": []
+                     *     }
+                     */
                     "application/json": components["schemas"]["TrainingReport"];
                 };
             };
@@ -8599,6 +11883,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/report",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8608,6 +11903,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/report",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8617,6 +11923,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/report",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8632,6 +11949,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/report",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8641,6 +11969,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/report",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8656,6 +11995,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/report",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8666,9 +12016,15 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The catalogue's name */
+                /**
+                 * @description The catalogue's name
+                 * @example default
+                 */
                 name: string;
-                /** @description The version's number */
+                /**
+                 * @description The version's number
+                 * @example 1
+                 */
                 version: number;
             };
             cookie?: never;
@@ -8681,6 +12037,84 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "accuracy": 1,
+                     *       "affinity": [
+                     *         [
+                     *           1,
+                     *           0.371321
+                     *         ],
+                     *         [
+                     *           0.371321,
+                     *           1
+                     *         ]
+                     *       ],
+                     *       "candidates": [
+                     *         {
+                     *           "accuracy": 1,
+                     *           "n_classes": 8,
+                     *           "reliability": 1
+                     *         }
+                     *       ],
+                     *       "catalogue": "lab",
+                     *       "confusion": [
+                     *         [
+                     *           1,
+                     *           1.23663e-23
+                     *         ],
+                     *         [
+                     *           1.2536e-7,
+                     *           1
+                     *         ]
+                     *       ],
+                     *       "descriptor": "mnti",
+                     *       "exponent": 1,
+                     *       "feature_length": 25,
+                     *       "n_classes": 8,
+                     *       "n_components": 8,
+                     *       "n_readings": 20,
+                     *       "near_duplicates": [],
+                     *       "objects": [
+                     *         {
+                     *           "histogram": [
+                     *             32.985,
+                     *             11,
+                     *             11.9359,
+                     *             1,
+                     *             3.00876,
+                     *             8.07029,
+                     *             12,
+                     *             7.70997e-21
+                     *           ],
+                     *           "id": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *           "n_held_back": 20,
+                     *           "n_readings": 80,
+                     *           "name": "mug"
+                     *         },
+                     *         {
+                     *           "histogram": [
+                     *             0.00213077,
+                     *             0,
+                     *             17.7745,
+                     *             1,
+                     *             13.9776,
+                     *             39.2282,
+                     *             1.27214e-58,
+                     *             8.01758
+                     *           ],
+                     *           "id": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *           "n_held_back": 20,
+                     *           "n_readings": 80,
+                     *           "name": "hammer"
+                     *         }
+                     *       ],
+                     *       "source": "images",
+                     *       "version": 1,
+                     *       "vocabulary": "e113253b01b297189d47a73facb56180",
+                     *       "warnings": []
+                     *     }
+                     */
                     "application/json": components["schemas"]["AppearanceReport"];
                 };
             };
@@ -8690,6 +12124,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/report/appearance",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8699,6 +12144,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/report/appearance",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8708,6 +12164,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/report/appearance",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8717,6 +12184,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/report/appearance",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8732,6 +12210,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/report/appearance",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8741,6 +12230,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/report/appearance",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8756,6 +12256,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/report/appearance",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8766,15 +12277,27 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The catalogue's name */
+                /**
+                 * @description The catalogue's name
+                 * @example default
+                 */
                 name: string;
-                /** @description The version to try */
+                /**
+                 * @description The version to try
+                 * @example 2
+                 */
                 version: number;
             };
             cookie?: never;
         };
         requestBody: {
             content: {
+                /**
+                 * @example {
+                 *       "against": 1,
+                 *       "risk": 0.05
+                 *     }
+                 */
                 "application/json": components["schemas"]["ShadowVersion"];
             };
         };
@@ -8787,6 +12310,51 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "catalogue": "default",
+                     *       "created_at": "2026-11-26T05:53:01.446Z",
+                     *       "done": 0,
+                     *       "eta_s": null,
+                     *       "finished_at": null,
+                     *       "id": "01a2166a-1806-735a-bbe2-233251e0465a",
+                     *       "reason": null,
+                     *       "recalibration": null,
+                     *       "shadow": {
+                     *         "against": 1,
+                     *         "risk": 0.05,
+                     *         "sessions": [
+                     *           "01a21669-e84c-7391-9f45-b9f8a49b69b8",
+                     *           "01a21669-eaa8-7448-b174-93e5035429c2",
+                     *           "01a21669-ef1a-7005-98d8-82490d917c01",
+                     *           "01a21669-f0e5-77d6-a3cb-cdc37f091e8a",
+                     *           "01a21669-f3c1-73ab-a16b-ee0a099c8d8b",
+                     *           "01a21669-f581-72a9-895b-122818d521ac",
+                     *           "01a21669-f7ea-73d4-8a01-f30b7f68fce6",
+                     *           "01a21669-f9b6-75ff-baab-6aa2da3d3423",
+                     *           "01a21669-fcfa-7521-840a-bd27f5165dcd",
+                     *           "01a21669-feae-7447-bff5-b69dab9fecec",
+                     *           "01a2166a-0111-7248-b3bf-55b1569c6ec7",
+                     *           "01a2166a-02e1-74cd-8c21-c5e42806b9ed",
+                     *           "01a2166a-0604-722d-9244-b2d4de53722d",
+                     *           "01a2166a-0825-7702-8a20-776382703193",
+                     *           "01a2166a-0aec-74c2-87f6-1e31ae1a941b",
+                     *           "01a2166a-0cbf-752d-b673-df9cf87541e4",
+                     *           "01a2166a-1024-75eb-acc3-f1eee383d71f",
+                     *           "01a2166a-1244-7640-9b29-3dde831d6118",
+                     *           "01a2166a-1508-71d3-9b67-62755e9ad0f8",
+                     *           "01a2166a-1705-74d9-a02d-20d77329b9a7"
+                     *         ]
+                     *       },
+                     *       "shadow_report": null,
+                     *       "stage": null,
+                     *       "started_at": null,
+                     *       "state": "queued",
+                     *       "total": 0,
+                     *       "training": {},
+                     *       "version": null
+                     *     }
+                     */
                     "application/json": components["schemas"]["Job"];
                 };
             };
@@ -8796,6 +12364,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/shadow",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8805,6 +12384,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/shadow",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8814,6 +12404,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/shadow",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8823,6 +12424,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/shadow",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8832,6 +12444,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/shadow",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8841,6 +12464,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/shadow",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8850,6 +12484,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/shadow",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8859,6 +12504,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/shadow",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8899,6 +12555,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/shadow",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8908,6 +12575,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/shadow",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8923,6 +12601,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/shadow",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8932,6 +12621,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/shadow",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8952,6 +12652,13 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "after_bytes": 3654711,
+                     *       "before_bytes": 8388670,
+                     *       "live_bytes": 3625734
+                     *     }
+                     */
                     "application/json": components["schemas"]["Compacted"];
                 };
             };
@@ -8961,6 +12668,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/compactions",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8970,6 +12688,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/compactions",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8985,6 +12714,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/compactions",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -8994,6 +12734,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/compactions",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9009,6 +12760,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/compactions",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9018,6 +12780,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/compactions",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9041,6 +12814,11 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example event: belief
+                     *     id: 3
+                     *     data: {"kind":"belief","belief":{"session":"01a21669-e420-7688-b464-66051b915281","revision":3,"n_readings":0,"objects":[{"object":"01a21669-9f18-72bc-8255-71cd37f55fa2","name":"mug","probability":0.47500000000000003},{"object":"01a21669-9f21-7791-8c5a-69cb68db9812","name":"hammer","probability":0.…
+                     */
                     "text/event-stream": string;
                 };
             };
@@ -9050,6 +12828,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/events",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9059,6 +12848,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/events",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9099,6 +12899,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/events",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9108,6 +12919,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/events",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9123,6 +12945,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/events",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9152,6 +12985,148 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "at": "2026-11-26T05:52:48.204Z",
+                     *       "n_needed": 0,
+                     *       "n_open": 2,
+                     *       "next_cursor": null,
+                     *       "sessions": [
+                     *         {
+                     *           "attention": {
+                     *             "acknowledged_at": null,
+                     *             "is_needed": false,
+                     *             "level": "working",
+                     *             "muted_until": null,
+                     *             "reason": "readings arrive",
+                     *             "since": "2026-11-26T05:52:48.194Z"
+                     *           },
+                     *           "last_reading_at": "2026-11-26T05:52:48.194Z",
+                     *           "session": {
+                     *             "bins": null,
+                     *             "catalogue": "default",
+                     *             "closed_at": null,
+                     *             "created_at": "2026-11-26T05:52:48.16Z",
+                     *             "ended": null,
+                     *             "expires_at": "2026-11-26T06:52:48.202Z",
+                     *             "frame_id": "base_link",
+                     *             "id": "01a21669-e420-7688-b464-66051b915281",
+                     *             "labels": {
+                     *               "order": "4711",
+                     *               "shift": "night"
+                     *             },
+                     *             "latest": {
+                     *               "at": "2026-11-26T05:52:48.194Z",
+                     *               "best": {
+                     *                 "name": "hammer",
+                     *                 "object": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *                 "probability": 0.874529
+                     *               },
+                     *               "entropy_bits": 0.63377,
+                     *               "n_readings": 1,
+                     *               "revision": 1,
+                     *               "unknown": 0.0242583
+                     *             },
+                     *             "leased_by": null,
+                     *             "leased_until": "2026-11-26T06:52:48.202Z",
+                     *             "method": "surface",
+                     *             "n_readings": 1,
+                     *             "n_retracted": 0,
+                     *             "object_moves": null,
+                     *             "particles": null,
+                     *             "pose_prior": null,
+                     *             "revision": 1,
+                     *             "risk": 0.05,
+                     *             "robots": null,
+                     *             "seed": null,
+                     *             "state": "open",
+                     *             "touched_by": [
+                     *               "arm-3"
+                     *             ],
+                     *             "truth": null,
+                     *             "ttl_s": 3600,
+                     *             "unknown_prior": 0.05,
+                     *             "version": 1
+                     *           },
+                     *           "trace": []
+                     *         },
+                     *         {
+                     *           "attention": {
+                     *             "acknowledged_at": null,
+                     *             "is_needed": false,
+                     *             "level": "sure",
+                     *             "muted_until": null,
+                     *             "reason": "mug is sure",
+                     *             "since": "2026-11-26T05:52:48.075Z"
+                     *           },
+                     *           "last_reading_at": "2026-11-26T05:52:48.075Z",
+                     *           "session": {
+                     *             "bins": null,
+                     *             "catalogue": "lab",
+                     *             "closed_at": null,
+                     *             "created_at": "2026-11-26T05:52:48.074Z",
+                     *             "ended": null,
+                     *             "expires_at": "2026-11-27T05:52:48.075Z",
+                     *             "frame_id": null,
+                     *             "id": "01a21669-e3ca-7559-8230-d4b42a38d4a6",
+                     *             "labels": {},
+                     *             "latest": {
+                     *               "at": "2026-11-26T05:52:48.075Z",
+                     *               "best": {
+                     *                 "name": "mug",
+                     *                 "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *                 "probability": 0.989422
+                     *               },
+                     *               "entropy_bits": 0.0846035,
+                     *               "n_readings": 1,
+                     *               "revision": 1,
+                     *               "unknown": 0
+                     *             },
+                     *             "leased_by": null,
+                     *             "leased_until": null,
+                     *             "method": "geometric",
+                     *             "n_readings": 1,
+                     *             "n_retracted": 0,
+                     *             "object_moves": null,
+                     *             "particles": null,
+                     *             "pose_prior": {
+                     *               "half_angle": 0.2,
+                     *               "half_extents": [
+                     *                 0.01,
+                     *                 0.01,
+                     *                 0.01
+                     *               ],
+                     *               "kind": "bounded",
+                     *               "pose": {
+                     *                 "orientation": [
+                     *                   0,
+                     *                   0,
+                     *                   0,
+                     *                   1
+                     *                 ],
+                     *                 "position": [
+                     *                   0.4,
+                     *                   -0.1,
+                     *                   0.25
+                     *                 ]
+                     *               }
+                     *             },
+                     *             "revision": 1,
+                     *             "risk": null,
+                     *             "robots": null,
+                     *             "seed": 1,
+                     *             "state": "open",
+                     *             "touched_by": [],
+                     *             "truth": null,
+                     *             "ttl_s": 86400,
+                     *             "unknown_prior": null,
+                     *             "version": 1
+                     *           },
+                     *           "trace": []
+                     *         }
+                     *       ]
+                     *     }
+                     */
                     "application/json": components["schemas"]["Fleet"];
                 };
             };
@@ -9161,6 +13136,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/fleet",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9170,6 +13156,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/fleet",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9210,6 +13207,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/fleet",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9219,6 +13227,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/fleet",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9234,6 +13253,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/fleet",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9248,6 +13278,14 @@ export interface operations {
         };
         requestBody: {
             content: {
+                /**
+                 * @example {
+                 *       "mute_s": 3600,
+                 *       "sessions": [
+                 *         "01890a5d-ac96-774b-bcce-b302099a8057"
+                 *       ]
+                 *     }
+                 */
                 "application/json": components["schemas"]["AcknowledgeSessions"];
             };
         };
@@ -9258,6 +13296,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "n_done": 1,
+                     *       "results": [
+                     *         {
+                     *           "problem": null,
+                     *           "session": "01a21669-e420-7688-b464-66051b915281"
+                     *         }
+                     *       ]
+                     *     }
+                     */
                     "application/json": components["schemas"]["FleetChanged"];
                 };
             };
@@ -9267,6 +13316,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/fleet/acknowledgements",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9276,6 +13336,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/fleet/acknowledgements",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9285,6 +13356,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/fleet/acknowledgements",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9294,6 +13376,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/fleet/acknowledgements",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9303,6 +13396,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/fleet/acknowledgements",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9312,6 +13416,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/fleet/acknowledgements",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9352,6 +13467,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/fleet/acknowledgements",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9361,6 +13487,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/fleet/acknowledgements",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9376,6 +13513,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/fleet/acknowledgements",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9385,6 +13533,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/fleet/acknowledgements",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9399,6 +13558,13 @@ export interface operations {
         };
         requestBody: {
             content: {
+                /**
+                 * @example {
+                 *       "sessions": [
+                 *         "01890a5d-ac96-774b-bcce-b302099a8057"
+                 *       ]
+                 *     }
+                 */
                 "application/json": components["schemas"]["CloseSessions"];
             };
         };
@@ -9409,6 +13575,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "n_done": 1,
+                     *       "results": [
+                     *         {
+                     *           "problem": null,
+                     *           "session": "01a21669-e420-7688-b464-66051b915281"
+                     *         }
+                     *       ]
+                     *     }
+                     */
                     "application/json": components["schemas"]["FleetChanged"];
                 };
             };
@@ -9418,6 +13595,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/fleet/closings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9427,6 +13615,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/fleet/closings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9436,6 +13635,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/fleet/closings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9445,6 +13655,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/fleet/closings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9454,6 +13675,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/fleet/closings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9463,6 +13695,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/fleet/closings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9503,6 +13746,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/fleet/closings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9512,6 +13766,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/fleet/closings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9527,6 +13792,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/fleet/closings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9536,6 +13812,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/fleet/closings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9561,6 +13848,46 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "items": [
+                     *         {
+                     *           "catalogue": "default",
+                     *           "created_at": "2026-11-26T05:52:39.822Z",
+                     *           "done": 0,
+                     *           "eta_s": null,
+                     *           "finished_at": "2026-11-26T05:52:43.816Z",
+                     *           "id": "01a21669-c38e-74ab-a657-b3b81698a508",
+                     *           "reason": null,
+                     *           "recalibration": null,
+                     *           "shadow": null,
+                     *           "shadow_report": null,
+                     *           "stage": null,
+                     *           "started_at": "2026-11-26T05:52:39.823Z",
+                     *           "state": "succeeded",
+                     *           "total": 0,
+                     *           "training": {
+                     *             "activate": true,
+                     *             "descriptor": "mnti",
+                     *             "n_classes": 25,
+                     *             "objects": [
+                     *               "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *               "01a21669-9f21-7791-8c5a-69cb68db9812"
+                     *             ],
+                     *             "readings_per_object": 400,
+                     *             "seed": 7,
+                     *             "sensor": "01a21669-99c1-70aa-a1e4-bf9737d62a83",
+                     *             "sensor_knowledge": "measured",
+                     *             "strict": false,
+                     *             "surface": true,
+                     *             "sva": false
+                     *           },
+                     *           "version": 1
+                     *         }
+                     *       ],
+                     *       "next_cursor": null
+                     *     }
+                     */
                     "application/json": components["schemas"]["JobPage"];
                 };
             };
@@ -9570,6 +13897,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9579,6 +13917,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9619,6 +13968,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9628,6 +13988,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9643,6 +14014,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9666,6 +14048,41 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "catalogue": "default",
+                     *       "created_at": "2026-11-26T05:52:39.822Z",
+                     *       "done": 0,
+                     *       "eta_s": null,
+                     *       "finished_at": "2026-11-26T05:52:43.816Z",
+                     *       "id": "01a21669-c38e-74ab-a657-b3b81698a508",
+                     *       "reason": null,
+                     *       "recalibration": null,
+                     *       "shadow": null,
+                     *       "shadow_report": null,
+                     *       "stage": null,
+                     *       "started_at": "2026-11-26T05:52:39.823Z",
+                     *       "state": "succeeded",
+                     *       "total": 0,
+                     *       "training": {
+                     *         "activate": true,
+                     *         "descriptor": "mnti",
+                     *         "n_classes": 25,
+                     *         "objects": [
+                     *           "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *           "01a21669-9f21-7791-8c5a-69cb68db9812"
+                     *         ],
+                     *         "readings_per_object": 400,
+                     *         "seed": 7,
+                     *         "sensor": "01a21669-99c1-70aa-a1e4-bf9737d62a83",
+                     *         "sensor_knowledge": "measured",
+                     *         "strict": false,
+                     *         "surface": true,
+                     *         "sva": false
+                     *       },
+                     *       "version": 1
+                     *     }
+                     */
                     "application/json": components["schemas"]["Job"];
                 };
             };
@@ -9675,6 +14092,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs/{job}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9684,6 +14112,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs/{job}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9693,6 +14132,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs/{job}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9708,6 +14158,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs/{job}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9717,6 +14178,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs/{job}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9732,6 +14204,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs/{job}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9762,6 +14245,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs/{job}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9771,6 +14265,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs/{job}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9780,6 +14285,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs/{job}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9789,6 +14305,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs/{job}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9804,6 +14331,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs/{job}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9813,6 +14351,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs/{job}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9828,6 +14377,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs/{job}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9837,6 +14397,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs/{job}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9860,6 +14431,40 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "catalogue": "other",
+                     *       "created_at": "2026-11-26T05:53:01.62Z",
+                     *       "done": 0,
+                     *       "eta_s": null,
+                     *       "finished_at": "2026-11-26T05:53:02.138Z",
+                     *       "id": "01a2166a-18b4-75c2-a7b3-3fd0ed1c3603",
+                     *       "reason": "it was cancelled while it ran",
+                     *       "recalibration": null,
+                     *       "shadow": null,
+                     *       "shadow_report": null,
+                     *       "stage": null,
+                     *       "started_at": "2026-11-26T05:53:01.62Z",
+                     *       "state": "cancelled",
+                     *       "total": 0,
+                     *       "training": {
+                     *         "activate": true,
+                     *         "descriptor": "mnti",
+                     *         "n_classes": 25,
+                     *         "objects": [
+                     *           "01a21669-9f21-7791-8c5a-69cb68db9812"
+                     *         ],
+                     *         "readings_per_object": 20000,
+                     *         "seed": 1,
+                     *         "sensor": "01a21669-99c1-70aa-a1e4-bf9737d62a83",
+                     *         "sensor_knowledge": "measured",
+                     *         "strict": false,
+                     *         "surface": true,
+                     *         "sva": true
+                     *       },
+                     *       "version": null
+                     *     }
+                     */
                     "application/json": components["schemas"]["Job"];
                 };
             };
@@ -9869,6 +14474,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs/{job}/cancel",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9878,6 +14494,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs/{job}/cancel",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9887,6 +14514,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs/{job}/cancel",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9896,6 +14534,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs/{job}/cancel",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9911,6 +14560,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs/{job}/cancel",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9920,6 +14580,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs/{job}/cancel",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9935,6 +14606,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs/{job}/cancel",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9944,6 +14626,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs/{job}/cancel",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9967,6 +14660,10 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example event: job
+                     *     data: {"id":"01a21669-c38e-74ab-a657-b3b81698a508","catalogue":"default","state":"succeeded","stage":null,"done":0,"total":0,"eta_s":null,"training":{"objects":["01a21669-9f18-72bc-8255-71cd37f55fa2","01a21669-9f21-7791-8c5a-69cb68db9812"],"sensor":"01a21669-99c1-70aa-a1e4-bf9737d62a83","sensor_kno…
+                     */
                     "text/event-stream": string;
                 };
             };
@@ -9976,6 +14673,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs/{job}/events",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9985,6 +14693,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs/{job}/events",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -9994,6 +14713,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs/{job}/events",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10009,6 +14739,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs/{job}/events",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10018,6 +14759,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs/{job}/events",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10033,6 +14785,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/jobs/{job}/events",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10058,6 +14821,25 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "items": [
+                     *         {
+                     *           "active": true,
+                     *           "created_at": "2026-11-26T05:53:02.169Z",
+                     *           "expires_at": "2027-11-26T05:53:02.169Z",
+                     *           "id": "01a2166a-1ad9-777f-9c66-ec9c42e4ee65",
+                     *           "last_used_at": null,
+                     *           "name": "arm-3",
+                     *           "revoked_at": null,
+                     *           "role": "robot",
+                     *           "rotating_until": null,
+                     *           "stored_bytes": 0
+                     *         }
+                     *       ],
+                     *       "next_cursor": null
+                     *     }
+                     */
                     "application/json": components["schemas"]["ApiKeyPage"];
                 };
             };
@@ -10067,6 +14849,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10076,6 +14869,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10116,6 +14920,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10125,6 +14940,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10140,6 +14966,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10154,6 +14991,13 @@ export interface operations {
         };
         requestBody: {
             content: {
+                /**
+                 * @example {
+                 *       "expires_in_s": 31536000,
+                 *       "name": "arm-3",
+                 *       "role": "robot"
+                 *     }
+                 */
                 "application/json": components["schemas"]["CreateKey"];
             };
         };
@@ -10166,6 +15010,23 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "key": {
+                     *         "active": true,
+                     *         "created_at": "2026-11-26T05:53:02.169Z",
+                     *         "expires_at": "2027-11-26T05:53:02.169Z",
+                     *         "id": "01a2166a-1ad9-777f-9c66-ec9c42e4ee65",
+                     *         "last_used_at": null,
+                     *         "name": "arm-3",
+                     *         "revoked_at": null,
+                     *         "role": "robot",
+                     *         "rotating_until": null,
+                     *         "stored_bytes": 0
+                     *       },
+                     *       "secret": "palpate_00000000000000000000000000000000_0000000000000000000000000000000000000000000000000000000000000000"
+                     *     }
+                     */
                     "application/json": components["schemas"]["NewApiKey"];
                 };
             };
@@ -10175,6 +15036,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10184,6 +15056,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10193,6 +15076,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10202,6 +15096,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10211,6 +15116,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10220,6 +15136,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10229,6 +15156,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10269,6 +15207,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10278,6 +15227,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10293,6 +15253,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10302,6 +15273,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10325,6 +15307,20 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "active": true,
+                     *       "created_at": "2026-11-26T05:53:02.169Z",
+                     *       "expires_at": "2027-11-26T05:53:02.169Z",
+                     *       "id": "01a2166a-1ad9-777f-9c66-ec9c42e4ee65",
+                     *       "last_used_at": null,
+                     *       "name": "arm-3",
+                     *       "revoked_at": null,
+                     *       "role": "robot",
+                     *       "rotating_until": null,
+                     *       "stored_bytes": 0
+                     *     }
+                     */
                     "application/json": components["schemas"]["ApiKey"];
                 };
             };
@@ -10334,6 +15330,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys/{key}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10343,6 +15350,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys/{key}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10352,6 +15370,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys/{key}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10367,6 +15396,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys/{key}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10376,6 +15416,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys/{key}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10391,6 +15442,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys/{key}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10421,6 +15483,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys/{key}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10430,6 +15503,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys/{key}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10439,6 +15523,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys/{key}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10448,6 +15543,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys/{key}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10463,6 +15569,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys/{key}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10472,6 +15589,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys/{key}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10487,6 +15615,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys/{key}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10496,6 +15635,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys/{key}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10513,6 +15663,11 @@ export interface operations {
         };
         requestBody: {
             content: {
+                /**
+                 * @example {
+                 *       "grace_s": 3600
+                 *     }
+                 */
                 "application/json": components["schemas"]["RotateKey"];
             };
         };
@@ -10523,6 +15678,23 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "key": {
+                     *         "active": true,
+                     *         "created_at": "2026-11-26T05:53:02.169Z",
+                     *         "expires_at": "2027-11-26T05:53:02.169Z",
+                     *         "id": "01a2166a-1ad9-777f-9c66-ec9c42e4ee65",
+                     *         "last_used_at": null,
+                     *         "name": "arm-3",
+                     *         "revoked_at": null,
+                     *         "role": "robot",
+                     *         "rotating_until": "2026-11-26T06:53:02.173Z",
+                     *         "stored_bytes": 0
+                     *       },
+                     *       "secret": "palpate_00000000000000000000000000000000_0000000000000000000000000000000000000000000000000000000000000000"
+                     *     }
+                     */
                     "application/json": components["schemas"]["NewApiKey"];
                 };
             };
@@ -10532,6 +15704,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys/{key}/rotate",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10541,6 +15724,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys/{key}/rotate",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10550,6 +15744,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys/{key}/rotate",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10559,6 +15764,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys/{key}/rotate",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10568,6 +15784,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys/{key}/rotate",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10577,6 +15804,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys/{key}/rotate",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10586,6 +15824,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys/{key}/rotate",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10595,6 +15844,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys/{key}/rotate",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10635,6 +15895,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys/{key}/rotate",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10644,6 +15915,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys/{key}/rotate",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10659,6 +15941,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys/{key}/rotate",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10668,6 +15961,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/keys/{key}/rotate",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10699,6 +16003,48 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "items": [
+                     *         {
+                     *           "created_at": "2026-11-26T05:52:30.488Z",
+                     *           "description": "the blue one with the chipped rim",
+                     *           "id": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *           "labels": {
+                     *             "customer": "acme",
+                     *             "shelf": "b-12"
+                     *           },
+                     *           "mesh": {
+                     *             "bytes": 2333884,
+                     *             "format": "stl",
+                     *             "hash": "812300795c671ddeae70f0ac9f14a376a45bdf16f8d3a5cfe641bb0ff1d55f83",
+                     *             "unit": "mm",
+                     *             "uploaded_at": "2026-11-26T05:52:30.559Z"
+                     *           },
+                     *           "n_readings": 0,
+                     *           "name": "mug",
+                     *           "updated_at": "2026-11-26T05:52:30.767Z"
+                     *         },
+                     *         {
+                     *           "created_at": "2026-11-26T05:52:30.497Z",
+                     *           "description": "",
+                     *           "id": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *           "labels": {},
+                     *           "mesh": {
+                     *             "bytes": 792684,
+                     *             "format": "stl",
+                     *             "hash": "737a91b6260ca499f13d164fe806a7f073b6d2fc0f68edcff6c0c59c8590a3a5",
+                     *             "unit": "mm",
+                     *             "uploaded_at": "2026-11-26T05:52:30.707Z"
+                     *           },
+                     *           "n_readings": 0,
+                     *           "name": "hammer",
+                     *           "updated_at": "2026-11-26T05:52:30.497Z"
+                     *         }
+                     *       ],
+                     *       "next_cursor": null
+                     *     }
+                     */
                     "application/json": components["schemas"]["ObjectPage"];
                 };
             };
@@ -10708,6 +16054,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10717,6 +16074,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10757,6 +16125,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10766,6 +16145,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10781,6 +16171,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10795,6 +16196,12 @@ export interface operations {
         };
         requestBody: {
             content: {
+                /**
+                 * @example {
+                 *       "description": "the blue one",
+                 *       "name": "mug"
+                 *     }
+                 */
                 "application/json": components["schemas"]["CreateObject"];
             };
         };
@@ -10807,6 +16214,18 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "created_at": "2026-11-26T05:52:30.488Z",
+                     *       "description": "the blue one",
+                     *       "id": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *       "labels": {},
+                     *       "mesh": null,
+                     *       "n_readings": 0,
+                     *       "name": "mug",
+                     *       "updated_at": "2026-11-26T05:52:30.488Z"
+                     *     }
+                     */
                     "application/json": components["schemas"]["ObjectInfo"];
                 };
             };
@@ -10816,6 +16235,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10825,6 +16255,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10834,6 +16275,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10843,6 +16295,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10852,6 +16315,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10861,6 +16335,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10870,6 +16355,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10910,6 +16406,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10919,6 +16426,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10934,6 +16452,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10943,6 +16472,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10953,7 +16493,10 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The object's id or name */
+                /**
+                 * @description The object's id or name
+                 * @example mug
+                 */
                 object: string;
             };
             cookie?: never;
@@ -10966,6 +16509,24 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "created_at": "2026-11-26T05:52:30.488Z",
+                     *       "description": "the blue one",
+                     *       "id": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *       "labels": {},
+                     *       "mesh": {
+                     *         "bytes": 2333884,
+                     *         "format": "stl",
+                     *         "hash": "812300795c671ddeae70f0ac9f14a376a45bdf16f8d3a5cfe641bb0ff1d55f83",
+                     *         "unit": "mm",
+                     *         "uploaded_at": "2026-11-26T05:52:30.559Z"
+                     *       },
+                     *       "n_readings": 0,
+                     *       "name": "mug",
+                     *       "updated_at": "2026-11-26T05:52:30.488Z"
+                     *     }
+                     */
                     "application/json": components["schemas"]["ObjectInfo"];
                 };
             };
@@ -10975,6 +16536,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10984,6 +16556,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -10993,6 +16576,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11008,6 +16602,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11017,6 +16622,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11032,6 +16648,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11042,7 +16669,10 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The object's id or name */
+                /**
+                 * @description The object's id or name
+                 * @example mug
+                 */
                 object: string;
             };
             cookie?: never;
@@ -11062,6 +16692,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11071,6 +16712,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11080,6 +16732,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11089,6 +16752,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11104,6 +16778,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11113,6 +16798,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11128,6 +16824,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11137,6 +16844,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11147,13 +16865,21 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The object's id or name */
+                /**
+                 * @description The object's id or name
+                 * @example mug
+                 */
                 object: string;
             };
             cookie?: never;
         };
         requestBody: {
             content: {
+                /**
+                 * @example {
+                 *       "description": "the blue one with the chipped rim"
+                 *     }
+                 */
                 "application/json": components["schemas"]["UpdateObject"];
             };
         };
@@ -11164,6 +16890,24 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "created_at": "2026-11-26T05:52:30.488Z",
+                     *       "description": "the blue one with the chipped rim",
+                     *       "id": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *       "labels": {},
+                     *       "mesh": {
+                     *         "bytes": 2333884,
+                     *         "format": "stl",
+                     *         "hash": "812300795c671ddeae70f0ac9f14a376a45bdf16f8d3a5cfe641bb0ff1d55f83",
+                     *         "unit": "mm",
+                     *         "uploaded_at": "2026-11-26T05:52:30.559Z"
+                     *       },
+                     *       "n_readings": 0,
+                     *       "name": "mug",
+                     *       "updated_at": "2026-11-26T05:52:30.749Z"
+                     *     }
+                     */
                     "application/json": components["schemas"]["ObjectInfo"];
                 };
             };
@@ -11173,6 +16917,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11182,6 +16937,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11191,6 +16957,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11200,6 +16977,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11209,6 +16997,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11218,6 +17017,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11227,6 +17037,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11236,6 +17057,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11276,6 +17108,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11285,6 +17128,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11300,6 +17154,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11309,6 +17174,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11319,13 +17195,24 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The object's id or name */
+                /**
+                 * @description The object's id or name
+                 * @example mug
+                 */
                 object: string;
             };
             cookie?: never;
         };
         requestBody: {
             content: {
+                /**
+                 * @example {
+                 *       "labels": {
+                 *         "customer": "acme",
+                 *         "shelf": "b-12"
+                 *       }
+                 *     }
+                 */
                 "application/json": components["schemas"]["SetLabels"];
             };
         };
@@ -11336,6 +17223,27 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "created_at": "2026-11-26T05:52:30.488Z",
+                     *       "description": "the blue one with the chipped rim",
+                     *       "id": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *       "labels": {
+                     *         "customer": "acme",
+                     *         "shelf": "b-12"
+                     *       },
+                     *       "mesh": {
+                     *         "bytes": 2333884,
+                     *         "format": "stl",
+                     *         "hash": "812300795c671ddeae70f0ac9f14a376a45bdf16f8d3a5cfe641bb0ff1d55f83",
+                     *         "unit": "mm",
+                     *         "uploaded_at": "2026-11-26T05:52:30.559Z"
+                     *       },
+                     *       "n_readings": 0,
+                     *       "name": "mug",
+                     *       "updated_at": "2026-11-26T05:52:30.767Z"
+                     *     }
+                     */
                     "application/json": components["schemas"]["ObjectInfo"];
                 };
             };
@@ -11345,6 +17253,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11354,6 +17273,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11363,6 +17293,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11372,6 +17313,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11381,6 +17333,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11390,6 +17353,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11399,6 +17373,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11439,6 +17424,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11448,6 +17444,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11463,6 +17470,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11472,6 +17490,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11482,7 +17511,10 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The object's id or name */
+                /**
+                 * @description The object's id or name
+                 * @example mug
+                 */
                 object: string;
             };
             cookie?: never;
@@ -11507,6 +17539,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/mesh",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11516,6 +17559,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/mesh",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11525,6 +17579,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/mesh",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11540,6 +17605,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/mesh",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11549,6 +17625,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/mesh",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11564,6 +17651,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/mesh",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11579,7 +17677,10 @@ export interface operations {
             };
             header?: never;
             path: {
-                /** @description The object's id or name */
+                /**
+                 * @description The object's id or name
+                 * @example mug
+                 */
                 object: string;
             };
             cookie?: never;
@@ -11597,6 +17698,25 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "mesh": {
+                     *         "bytes": 2333884,
+                     *         "format": "stl",
+                     *         "hash": "812300795c671ddeae70f0ac9f14a376a45bdf16f8d3a5cfe641bb0ff1d55f83",
+                     *         "unit": "mm",
+                     *         "uploaded_at": "2026-11-26T05:52:30.559Z"
+                     *       },
+                     *       "n_triangles": 46676,
+                     *       "n_vertices": 23338,
+                     *       "size": [
+                     *         0.08,
+                     *         0.0581397,
+                     *         0.0684725
+                     *       ],
+                     *       "warnings": []
+                     *     }
+                     */
                     "application/json": components["schemas"]["MeshReport"];
                 };
             };
@@ -11606,6 +17726,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/mesh",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11615,6 +17746,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/mesh",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11624,6 +17766,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/mesh",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11633,6 +17786,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/mesh",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11642,6 +17806,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/mesh",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11651,6 +17826,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/mesh",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11660,6 +17846,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/mesh",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11700,6 +17897,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/mesh",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11709,6 +17917,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/mesh",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11724,6 +17943,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/mesh",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11733,6 +17963,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/mesh",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11748,7 +17989,10 @@ export interface operations {
             };
             header?: never;
             path: {
-                /** @description The object's id or name */
+                /**
+                 * @description The object's id or name
+                 * @example mug
+                 */
                 object: string;
             };
             cookie?: never;
@@ -11761,6 +18005,78 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "items": [
+                     *         {
+                     *           "calibration": null,
+                     *           "feature": null,
+                     *           "image": [
+                     *             0,
+                     *             0,
+                     *             0,
+                     *             0,
+                     *             0,
+                     *             0,
+                     *             0,
+                     *             900,
+                     *             2500,
+                     *             0,
+                     *             0,
+                     *             0,
+                     *             0,
+                     *             1800,
+                     *             4100,
+                     *             900,
+                     *             0,
+                     *             0,
+                     *             0,
+                     *             900,
+                     *             2500,
+                     *             0,
+                     *             0,
+                     *             0,
+                     *             0,
+                     *             0,
+                     *             0,
+                     *             0,
+                     *             0,
+                     *             0,
+                     *             0,
+                     *             0,
+                     *             0,
+                     *             0,
+                     *             0,
+                     *             0
+                     *           ],
+                     *           "index": 0,
+                     *           "pose": {
+                     *             "orientation": [
+                     *               0,
+                     *               0,
+                     *               0,
+                     *               1
+                     *             ],
+                     *             "position": [
+                     *               0.4,
+                     *               -0.1,
+                     *               0.25
+                     *             ]
+                     *           },
+                     *           "robot": "arm-3",
+                     *           "sensor": "01a21669-99c1-70aa-a1e4-bf9737d62a83",
+                     *           "seq": 1,
+                     *           "shear": null,
+                     *           "stamp": {
+                     *             "nanosec": 500000000,
+                     *             "sec": 12
+                     *           },
+                     *           "written_by": null
+                     *         }
+                     *       ],
+                     *       "next_cursor": null
+                     *     }
+                     */
                     "application/json": components["schemas"]["StoredReadingPage"];
                 };
             };
@@ -11770,6 +18086,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11779,6 +18106,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11788,6 +18126,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11828,6 +18177,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11837,6 +18197,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11852,6 +18223,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11862,13 +18244,82 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The object's id or name */
+                /**
+                 * @description The object's id or name
+                 * @example mug
+                 */
                 object: string;
             };
             cookie?: never;
         };
         requestBody: {
             content: {
+                /**
+                 * @example {
+                 *       "readings": [
+                 *         {
+                 *           "image": [
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             900,
+                 *             2500,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             1800,
+                 *             4100,
+                 *             900,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             900,
+                 *             2500,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0
+                 *           ],
+                 *           "pose": {
+                 *             "orientation": [
+                 *               0,
+                 *               0,
+                 *               0,
+                 *               1
+                 *             ],
+                 *             "position": [
+                 *               0.4,
+                 *               -0.1,
+                 *               0.25
+                 *             ]
+                 *           },
+                 *           "robot": "arm-3",
+                 *           "sensor": "digitacts-6x6",
+                 *           "seq": 1,
+                 *           "stamp": {
+                 *             "nanosec": 500000000,
+                 *             "sec": 12
+                 *           }
+                 *         }
+                 *       ]
+                 *     }
+                 */
                 "application/json": components["schemas"]["AddTrainingReadings"];
             };
         };
@@ -11879,6 +18330,14 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "n_new": 1,
+                     *       "n_readings": 1,
+                     *       "n_repeated": 0,
+                     *       "warnings": []
+                     *     }
+                     */
                     "application/json": components["schemas"]["TrainingReadingsAdded"];
                 };
             };
@@ -11888,6 +18347,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11897,6 +18367,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11906,6 +18387,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11915,6 +18407,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11924,6 +18427,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11933,6 +18447,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11942,6 +18467,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11951,6 +18487,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -11991,6 +18538,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12000,6 +18558,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12015,6 +18584,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12024,6 +18604,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12034,7 +18625,10 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The object's id or name */
+                /**
+                 * @description The object's id or name
+                 * @example mug
+                 */
                 object: string;
             };
             cookie?: never;
@@ -12065,6 +18659,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/thumbnail.png",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12074,6 +18679,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/thumbnail.png",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12083,6 +18699,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/thumbnail.png",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12098,6 +18725,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/thumbnail.png",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12107,6 +18745,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/thumbnail.png",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12122,6 +18771,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/objects/{object}/thumbnail.png",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12142,6 +18802,45 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "items": [
+                     *         {
+                     *           "n_triangles": 30852,
+                     *           "name": "ridge",
+                     *           "size": [
+                     *             0.08,
+                     *             0.06,
+                     *             0.0295
+                     *           ],
+                     *           "stands_on": "the flat face opposite the ridge",
+                     *           "tells": "everything: it has no symmetry"
+                     *         },
+                     *         {
+                     *           "n_triangles": 23712,
+                     *           "name": "sphere",
+                     *           "size": [
+                     *             0.039984,
+                     *             0.039984,
+                     *             0.039984
+                     *           ],
+                     *           "stands_on": "a ring or a lump of putty",
+                     *           "tells": "units, gain, spread and height; the roll of the sensor only poorly"
+                     *         },
+                     *         {
+                     *           "n_triangles": 28812,
+                     *           "name": "cube",
+                     *           "size": [
+                     *             0.05,
+                     *             0.05,
+                     *             0.05
+                     *           ],
+                     *           "stands_on": "any face",
+                     *           "tells": "everything but its own pose, which has 24 equal ones"
+                     *         }
+                     *       ]
+                     *     }
+                     */
                     "application/json": components["schemas"]["ReferenceBodies"];
                 };
             };
@@ -12151,6 +18850,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/reference-bodies",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12160,6 +18870,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/reference-bodies",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12175,6 +18896,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/reference-bodies",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12184,6 +18916,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/reference-bodies",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12199,6 +18942,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/reference-bodies",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12209,7 +18963,10 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description `ridge`, `sphere`, `cube` or `wedge` */
+                /**
+                 * @description `ridge`, `sphere`, `cube` or `wedge`
+                 * @example ridge
+                 */
                 body: string;
             };
             cookie?: never;
@@ -12231,6 +18988,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/reference-bodies/{body}/mesh",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12240,6 +19008,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/reference-bodies/{body}/mesh",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12249,6 +19028,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/reference-bodies/{body}/mesh",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12264,6 +19054,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/reference-bodies/{body}/mesh",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12273,6 +19074,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/reference-bodies/{body}/mesh",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12288,6 +19100,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/reference-bodies/{body}/mesh",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12313,6 +19136,21 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "items": [
+                     *         {
+                     *           "holder": {
+                     *             "key_id": "01a2166a-1ad9-777f-9c66-ec9c42e4ee65",
+                     *             "key_name": "arm-3"
+                     *           },
+                     *           "name": "left-arm",
+                     *           "since": "2026-11-26T05:53:02.175Z"
+                     *         }
+                     *       ],
+                     *       "next_cursor": null
+                     *     }
+                     */
                     "application/json": components["schemas"]["RobotPage"];
                 };
             };
@@ -12322,6 +19160,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/robots",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12331,6 +19180,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/robots",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12371,6 +19231,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/robots",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12380,6 +19251,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/robots",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12395,6 +19277,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/robots",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12405,13 +19298,21 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The robot's name */
+                /**
+                 * @description The robot's name
+                 * @example arm-3
+                 */
                 robot: string;
             };
             cookie?: never;
         };
         requestBody: {
             content: {
+                /**
+                 * @example {
+                 *       "key": "arm-3"
+                 *     }
+                 */
                 "application/json": components["schemas"]["BindRobot"];
             };
         };
@@ -12422,6 +19323,16 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "holder": {
+                     *         "key_id": "01a2166a-1ad9-777f-9c66-ec9c42e4ee65",
+                     *         "key_name": "arm-3"
+                     *       },
+                     *       "name": "left-arm",
+                     *       "since": "2026-11-26T05:53:02.175Z"
+                     *     }
+                     */
                     "application/json": components["schemas"]["Robot"];
                 };
             };
@@ -12431,6 +19342,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/robots/{robot}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12440,6 +19362,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/robots/{robot}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12449,6 +19382,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/robots/{robot}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12458,6 +19402,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/robots/{robot}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12467,6 +19422,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/robots/{robot}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12476,6 +19442,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/robots/{robot}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12485,6 +19462,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/robots/{robot}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12494,6 +19482,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/robots/{robot}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12534,6 +19533,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/robots/{robot}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12543,6 +19553,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/robots/{robot}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12558,6 +19579,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/robots/{robot}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12567,6 +19599,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/robots/{robot}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12577,7 +19620,10 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The robot's name */
+                /**
+                 * @description The robot's name
+                 * @example arm-3
+                 */
                 robot: string;
             };
             cookie?: never;
@@ -12597,6 +19643,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/robots/{robot}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12606,6 +19663,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/robots/{robot}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12615,6 +19683,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/robots/{robot}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12630,6 +19709,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/robots/{robot}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12639,6 +19729,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/robots/{robot}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12654,6 +19755,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/robots/{robot}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12663,6 +19775,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/robots/{robot}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12694,6 +19817,111 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "items": [
+                     *         {
+                     *           "calibration": null,
+                     *           "created_at": "2026-11-26T05:52:29.121Z",
+                     *           "description": {
+                     *             "coupling": {
+                     *               "cross_talk": 0,
+                     *               "edge": "continues",
+                     *               "gain_spread": 0,
+                     *               "hysteresis": 0,
+                     *               "kernel": "gaussian",
+                     *               "margin": null
+                     *             },
+                     *             "covering_thickness": 0.00254,
+                     *             "force_curve": [
+                     *               {
+                     *                 "displacement": 0,
+                     *                 "pressure": 0
+                     *               },
+                     *               {
+                     *                 "displacement": 0.00254,
+                     *                 "pressure": 20000
+                     *               }
+                     *             ],
+                     *             "grid": {
+                     *               "cols": 6,
+                     *               "pitch": 0.002,
+                     *               "rows": 6,
+                     *               "taxel_width": 0.0018
+                     *             },
+                     *             "image_order": {
+                     *               "cols_reversed": false,
+                     *               "rows_reversed": false,
+                     *               "transposed": false
+                     *             },
+                     *             "noise": 100,
+                     *             "point_spread": 0.00348238,
+                     *             "quantisation": 78.125,
+                     *             "ranges": null,
+                     *             "saturation": 20000,
+                     *             "taxels": null
+                     *           },
+                     *           "id": "01a21669-99c1-70aa-a1e4-bf9737d62a83",
+                     *           "labels": {},
+                     *           "layout": null,
+                     *           "name": "digitacts-6x6",
+                     *           "passport": null,
+                     *           "preset": "digitacts-6x6",
+                     *           "sensor_knowledge": "measured"
+                     *         },
+                     *         {
+                     *           "calibration": null,
+                     *           "created_at": "2026-11-26T05:52:29.122Z",
+                     *           "description": {
+                     *             "coupling": {
+                     *               "cross_talk": 0,
+                     *               "edge": "continues",
+                     *               "gain_spread": 0,
+                     *               "hysteresis": 0,
+                     *               "kernel": "gaussian",
+                     *               "margin": null
+                     *             },
+                     *             "covering_thickness": 0.001016,
+                     *             "force_curve": [
+                     *               {
+                     *                 "displacement": 0,
+                     *                 "pressure": 0
+                     *               },
+                     *               {
+                     *                 "displacement": 0.001016,
+                     *                 "pressure": 20000
+                     *               }
+                     *             ],
+                     *             "grid": {
+                     *               "cols": 6,
+                     *               "pitch": 0.002,
+                     *               "rows": 6,
+                     *               "taxel_width": 0.0018
+                     *             },
+                     *             "image_order": {
+                     *               "cols_reversed": false,
+                     *               "rows_reversed": false,
+                     *               "transposed": false
+                     *             },
+                     *             "noise": 100,
+                     *             "point_spread": 0.00272495,
+                     *             "quantisation": 78.125,
+                     *             "ranges": null,
+                     *             "saturation": 20000,
+                     *             "taxels": null
+                     *           },
+                     *           "id": "01a21669-99c2-75de-a7e8-f404b8d23ead",
+                     *           "labels": {},
+                     *           "layout": null,
+                     *           "name": "digitacts-6x6-thin",
+                     *           "passport": null,
+                     *           "preset": "digitacts-6x6-thin",
+                     *           "sensor_knowledge": "measured"
+                     *         }
+                     *       ],
+                     *       "next_cursor": "01a2166999c275dea7e8f404b8d23ead"
+                     *     }
+                     */
                     "application/json": components["schemas"]["SensorPage"];
                 };
             };
@@ -12703,6 +19931,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12712,6 +19951,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12752,6 +20002,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12761,6 +20022,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12776,6 +20048,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12843,6 +20126,85 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "calibration": null,
+                     *       "created_at": "2026-11-26T05:52:30.999Z",
+                     *       "description": {
+                     *         "coupling": {
+                     *           "cross_talk": 0,
+                     *           "edge": "loses_force",
+                     *           "gain_spread": 0.05,
+                     *           "hysteresis": 0,
+                     *           "kernel": "gaussian",
+                     *           "margin": 0.001
+                     *         },
+                     *         "covering_thickness": 0.00254,
+                     *         "force_curve": [
+                     *           {
+                     *             "displacement": 0,
+                     *             "pressure": 0
+                     *           },
+                     *           {
+                     *             "displacement": 0.00254,
+                     *             "pressure": 20000
+                     *           }
+                     *         ],
+                     *         "grid": {
+                     *           "cols": 3,
+                     *           "pitch": 0.002,
+                     *           "rows": 2,
+                     *           "taxel_width": 0.0018
+                     *         },
+                     *         "image_order": {
+                     *           "cols_reversed": false,
+                     *           "rows_reversed": true,
+                     *           "transposed": false
+                     *         },
+                     *         "noise": 100,
+                     *         "point_spread": 0.003482,
+                     *         "quantisation": 78.125,
+                     *         "ranges": {
+                     *           "cross_talk": {
+                     *             "high": 0.15,
+                     *             "low": 0
+                     *           },
+                     *           "edges": [
+                     *             "loses_force"
+                     *           ],
+                     *           "kernels": [
+                     *             "gaussian",
+                     *             "exponential"
+                     *           ],
+                     *           "margin": {
+                     *             "high": 0.001,
+                     *             "low": 0.001
+                     *           },
+                     *           "spread_factor": {
+                     *             "high": 1.4,
+                     *             "low": 0.3
+                     *           },
+                     *           "stiffening": {
+                     *             "high": 1.5,
+                     *             "low": 0
+                     *           },
+                     *           "stiffness": {
+                     *             "high": 2,
+                     *             "low": 0.5
+                     *           }
+                     *         },
+                     *         "saturation": 20000,
+                     *         "taxels": null
+                     *       },
+                     *       "id": "01a21669-a117-73b1-ac5f-3c4c86c566ee",
+                     *       "labels": {},
+                     *       "layout": null,
+                     *       "name": "left-finger",
+                     *       "passport": null,
+                     *       "preset": null,
+                     *       "sensor_knowledge": "data_sheet"
+                     *     }
+                     */
                     "application/json": components["schemas"]["Sensor"];
                 };
             };
@@ -12852,6 +20214,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12861,6 +20234,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12870,6 +20254,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12879,6 +20274,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12888,6 +20294,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12897,6 +20314,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12906,6 +20334,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12946,6 +20385,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12955,6 +20405,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12970,6 +20431,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12979,6 +20451,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -12989,7 +20472,10 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The sensor's id or name */
+                /**
+                 * @description The sensor's id or name
+                 * @example left-finger
+                 */
                 sensor: string;
             };
             cookie?: never;
@@ -13002,6 +20488,85 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "calibration": null,
+                     *       "created_at": "2026-11-26T05:52:30.999Z",
+                     *       "description": {
+                     *         "coupling": {
+                     *           "cross_talk": 0,
+                     *           "edge": "loses_force",
+                     *           "gain_spread": 0.05,
+                     *           "hysteresis": 0,
+                     *           "kernel": "gaussian",
+                     *           "margin": 0.001
+                     *         },
+                     *         "covering_thickness": 0.00254,
+                     *         "force_curve": [
+                     *           {
+                     *             "displacement": 0,
+                     *             "pressure": 0
+                     *           },
+                     *           {
+                     *             "displacement": 0.00254,
+                     *             "pressure": 20000
+                     *           }
+                     *         ],
+                     *         "grid": {
+                     *           "cols": 3,
+                     *           "pitch": 0.002,
+                     *           "rows": 2,
+                     *           "taxel_width": 0.0018
+                     *         },
+                     *         "image_order": {
+                     *           "cols_reversed": false,
+                     *           "rows_reversed": true,
+                     *           "transposed": false
+                     *         },
+                     *         "noise": 100,
+                     *         "point_spread": 0.003482,
+                     *         "quantisation": 78.125,
+                     *         "ranges": {
+                     *           "cross_talk": {
+                     *             "high": 0.15,
+                     *             "low": 0
+                     *           },
+                     *           "edges": [
+                     *             "loses_force"
+                     *           ],
+                     *           "kernels": [
+                     *             "gaussian",
+                     *             "exponential"
+                     *           ],
+                     *           "margin": {
+                     *             "high": 0.001,
+                     *             "low": 0.001
+                     *           },
+                     *           "spread_factor": {
+                     *             "high": 1.4,
+                     *             "low": 0.3
+                     *           },
+                     *           "stiffening": {
+                     *             "high": 1.5,
+                     *             "low": 0
+                     *           },
+                     *           "stiffness": {
+                     *             "high": 2,
+                     *             "low": 0.5
+                     *           }
+                     *         },
+                     *         "saturation": 20000,
+                     *         "taxels": null
+                     *       },
+                     *       "id": "01a21669-a117-73b1-ac5f-3c4c86c566ee",
+                     *       "labels": {},
+                     *       "layout": null,
+                     *       "name": "left-finger",
+                     *       "passport": null,
+                     *       "preset": null,
+                     *       "sensor_knowledge": "data_sheet"
+                     *     }
+                     */
                     "application/json": components["schemas"]["Sensor"];
                 };
             };
@@ -13011,6 +20576,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13020,6 +20596,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13029,6 +20616,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13044,6 +20642,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13053,6 +20662,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13068,6 +20688,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13078,7 +20709,10 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The sensor's id or name */
+                /**
+                 * @description The sensor's id or name
+                 * @example left-finger
+                 */
                 sensor: string;
             };
             cookie?: never;
@@ -13098,6 +20732,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13107,6 +20752,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13116,6 +20772,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13125,6 +20792,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13140,6 +20818,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13149,6 +20838,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13164,6 +20864,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13173,6 +20884,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13186,7 +20908,10 @@ export interface operations {
             };
             header?: never;
             path: {
-                /** @description The sensor's id or name */
+                /**
+                 * @description The sensor's id or name
+                 * @example left-finger
+                 */
                 sensor: string;
             };
             cookie?: never;
@@ -13199,6 +20924,58 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "after": {
+                     *         "r_squared": 1,
+                     *         "residual": 4.88986e-13
+                     *       },
+                     *       "before": {
+                     *         "r_squared": 0.954843,
+                     *         "residual": 322.537
+                     *       },
+                     *       "created_at": "2026-11-26T05:52:31.027Z",
+                     *       "n_presses": 12,
+                     *       "n_unusable": 2,
+                     *       "number": 1,
+                     *       "passport": null,
+                     *       "sensor": "01a21669-a117-73b1-ac5f-3c4c86c566ee",
+                     *       "spread": null,
+                     *       "target": {
+                     *         "offset": 169.7,
+                     *         "slope": 7415750
+                     *       },
+                     *       "taxels": [
+                     *         {
+                     *           "answers": null,
+                     *           "col": 0,
+                     *           "offset": 205.05,
+                     *           "r_squared": 1,
+                     *           "row": 0,
+                     *           "slope": -48750,
+                     *           "state": "dead"
+                     *         },
+                     *         {
+                     *           "answers": null,
+                     *           "col": 1,
+                     *           "offset": 4.9,
+                     *           "r_squared": 1,
+                     *           "row": 0,
+                     *           "slope": 8227500,
+                     *           "state": "ok"
+                     *         },
+                     *         {
+                     *           "answers": null,
+                     *           "col": 2,
+                     *           "offset": 63.5,
+                     *           "r_squared": 1,
+                     *           "row": 0,
+                     *           "slope": 8520500,
+                     *           "state": "ok"
+                     *         }
+                     *       ]
+                     *     }
+                     */
                     "application/json": components["schemas"]["SensorCalibration"];
                 };
             };
@@ -13208,6 +20985,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/calibration",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13217,6 +21005,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/calibration",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13226,6 +21025,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/calibration",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13266,6 +21076,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/calibration",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13275,6 +21096,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/calibration",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13290,6 +21122,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/calibration",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13300,13 +21143,178 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The sensor's id or name */
+                /**
+                 * @description The sensor's id or name
+                 * @example left-finger
+                 */
                 sensor: string;
             };
             cookie?: never;
         };
         requestBody: {
             content: {
+                /**
+                 * @example {
+                 *       "response": [
+                 *         {
+                 *           "col": 0,
+                 *           "depth": 0.0002,
+                 *           "pressures": [
+                 *             1308.6,
+                 *             1289.1,
+                 *             1425.8,
+                 *             195.3,
+                 *             1416,
+                 *             947.3
+                 *           ],
+                 *           "row": 0
+                 *         },
+                 *         {
+                 *           "col": 0,
+                 *           "depth": 0.0006,
+                 *           "pressures": [
+                 *             3535.2,
+                 *             3222.7,
+                 *             3720.7,
+                 *             175.8,
+                 *             4267.6,
+                 *             2802.7
+                 *           ],
+                 *           "row": 0
+                 *         },
+                 *         {
+                 *           "col": 1,
+                 *           "depth": 0.0002,
+                 *           "pressures": [
+                 *             1162.1,
+                 *             1503.9,
+                 *             1669.9,
+                 *             166,
+                 *             1650.4,
+                 *             1503.9
+                 *           ],
+                 *           "row": 0
+                 *         },
+                 *         {
+                 *           "col": 1,
+                 *           "depth": 0.0006,
+                 *           "pressures": [
+                 *             3066.4,
+                 *             3642.6,
+                 *             4345.7,
+                 *             224.6,
+                 *             4941.4,
+                 *             4404.3
+                 *           ],
+                 *           "row": 0
+                 *         },
+                 *         {
+                 *           "col": 2,
+                 *           "depth": 0.0002,
+                 *           "pressures": [
+                 *             810.5,
+                 *             1220.7,
+                 *             1494.1,
+                 *             185.5,
+                 *             1416,
+                 *             1767.6
+                 *           ],
+                 *           "row": 0
+                 *         },
+                 *         {
+                 *           "col": 2,
+                 *           "depth": 0.0006,
+                 *           "pressures": [
+                 *             2021.5,
+                 *             3232.4,
+                 *             3701.2,
+                 *             214.8,
+                 *             4296.9,
+                 *             5175.8
+                 *           ],
+                 *           "row": 0
+                 *         },
+                 *         {
+                 *           "col": 0,
+                 *           "depth": 0.0002,
+                 *           "pressures": [
+                 *             1533.2,
+                 *             1484.4,
+                 *             1611.3,
+                 *             205.1,
+                 *             1201.2,
+                 *             849.6
+                 *           ],
+                 *           "row": 1
+                 *         },
+                 *         {
+                 *           "col": 0,
+                 *           "depth": 0.0006,
+                 *           "pressures": [
+                 *             4130.9,
+                 *             3632.8,
+                 *             4277.3,
+                 *             214.8,
+                 *             3593.8,
+                 *             2334
+                 *           ],
+                 *           "row": 1
+                 *         },
+                 *         {
+                 *           "col": 1,
+                 *           "depth": 0.0002,
+                 *           "pressures": [
+                 *             1377,
+                 *             1660.2,
+                 *             1914.1,
+                 *             195.3,
+                 *             1503.9,
+                 *             1298.8
+                 *           ],
+                 *           "row": 1
+                 *         },
+                 *         {
+                 *           "col": 1,
+                 *           "depth": 0.0006,
+                 *           "pressures": [
+                 *             3564.5,
+                 *             4228.5,
+                 *             4960.9,
+                 *             146.5,
+                 *             4189.5,
+                 *             3798.8
+                 *           ],
+                 *           "row": 1
+                 *         },
+                 *         {
+                 *           "col": 2,
+                 *           "depth": 0.0002,
+                 *           "pressures": [
+                 *             918,
+                 *             1455.1,
+                 *             1669.9,
+                 *             224.6,
+                 *             1269.5,
+                 *             1464.8
+                 *           ],
+                 *           "row": 1
+                 *         },
+                 *         {
+                 *           "col": 2,
+                 *           "depth": 0.0006,
+                 *           "pressures": [
+                 *             2373,
+                 *             3632.8,
+                 *             4326.2,
+                 *             175.8,
+                 *             3593.8,
+                 *             4375
+                 *           ],
+                 *           "row": 1
+                 *         }
+                 *       ]
+                 *     }
+                 */
                 "application/json": components["schemas"]["CalibrateSensor"];
             };
         };
@@ -13319,6 +21327,58 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "after": {
+                     *         "r_squared": 1,
+                     *         "residual": 4.88986e-13
+                     *       },
+                     *       "before": {
+                     *         "r_squared": 0.954843,
+                     *         "residual": 322.537
+                     *       },
+                     *       "created_at": "2026-11-26T05:52:31.027Z",
+                     *       "n_presses": 12,
+                     *       "n_unusable": 2,
+                     *       "number": 1,
+                     *       "passport": null,
+                     *       "sensor": "01a21669-a117-73b1-ac5f-3c4c86c566ee",
+                     *       "spread": null,
+                     *       "target": {
+                     *         "offset": 169.7,
+                     *         "slope": 7415750
+                     *       },
+                     *       "taxels": [
+                     *         {
+                     *           "answers": null,
+                     *           "col": 0,
+                     *           "offset": 205.05,
+                     *           "r_squared": 1,
+                     *           "row": 0,
+                     *           "slope": -48750,
+                     *           "state": "dead"
+                     *         },
+                     *         {
+                     *           "answers": null,
+                     *           "col": 1,
+                     *           "offset": 4.9,
+                     *           "r_squared": 1,
+                     *           "row": 0,
+                     *           "slope": 8227500,
+                     *           "state": "ok"
+                     *         },
+                     *         {
+                     *           "answers": null,
+                     *           "col": 2,
+                     *           "offset": 63.5,
+                     *           "r_squared": 1,
+                     *           "row": 0,
+                     *           "slope": 8520500,
+                     *           "state": "ok"
+                     *         }
+                     *       ]
+                     *     }
+                     */
                     "application/json": components["schemas"]["SensorCalibration"];
                 };
             };
@@ -13328,6 +21388,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/calibration",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13337,6 +21408,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/calibration",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13346,6 +21428,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/calibration",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13355,6 +21448,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/calibration",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13364,6 +21468,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/calibration",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13373,6 +21488,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/calibration",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13382,6 +21508,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/calibration",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13422,6 +21559,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/calibration",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13431,6 +21579,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/calibration",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13446,6 +21605,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/calibration",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13455,6 +21625,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/calibration",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13465,13 +21646,73 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The sensor's id or name */
+                /**
+                 * @description The sensor's id or name
+                 * @example digitacts-6x6
+                 */
                 sensor: string;
             };
             cookie?: never;
         };
         requestBody: {
             content: {
+                /**
+                 * @example {
+                 *       "frame_id": "base_link",
+                 *       "image": [
+                 *         0,
+                 *         0,
+                 *         0,
+                 *         0,
+                 *         0,
+                 *         0,
+                 *         0,
+                 *         900,
+                 *         2500,
+                 *         0,
+                 *         0,
+                 *         0,
+                 *         0,
+                 *         1800,
+                 *         4100,
+                 *         900,
+                 *         0,
+                 *         0,
+                 *         0,
+                 *         900,
+                 *         2500,
+                 *         0,
+                 *         0,
+                 *         0,
+                 *         0,
+                 *         0,
+                 *         0,
+                 *         0,
+                 *         0,
+                 *         0,
+                 *         0,
+                 *         0,
+                 *         0,
+                 *         0,
+                 *         0,
+                 *         0
+                 *       ],
+                 *       "pose": {
+                 *         "orientation": [
+                 *           0,
+                 *           0,
+                 *           0,
+                 *           1
+                 *         ],
+                 *         "position": [
+                 *           0.4,
+                 *           -0.1,
+                 *           0.25
+                 *         ]
+                 *       },
+                 *       "sensor": "digitacts-6x6"
+                 *     }
+                 */
                 "application/json": components["schemas"]["Reading"];
             };
         };
@@ -13482,6 +21723,78 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "calibration": null,
+                     *       "centroid_in_sensor": {
+                     *         "x": -0.001,
+                     *         "y": -0.001,
+                     *         "z": 0
+                     *       },
+                     *       "centroid_in_session": {
+                     *         "x": 0.399,
+                     *         "y": -0.101,
+                     *         "z": 0.25
+                     *       },
+                     *       "cols": 6,
+                     *       "contact": [
+                     *         8,
+                     *         14,
+                     *         20
+                     *       ],
+                     *       "hints": [],
+                     *       "image": [
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         900,
+                     *         2500,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         1800,
+                     *         4100,
+                     *         900,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         900,
+                     *         2500,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0,
+                     *         0
+                     *       ],
+                     *       "max_pressure": 4100,
+                     *       "missing": [],
+                     *       "passport": null,
+                     *       "rows": 6,
+                     *       "saturated": [],
+                     *       "sensor_z_in_session": {
+                     *         "x": 0,
+                     *         "y": 0,
+                     *         "z": 1
+                     *       },
+                     *       "unusable": [],
+                     *       "warnings": []
+                     *     }
+                     */
                     "application/json": components["schemas"]["ReadingCheck"];
                 };
             };
@@ -13491,6 +21804,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/check",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13500,6 +21824,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/check",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13509,6 +21844,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/check",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13518,6 +21864,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/check",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13527,6 +21884,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/check",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13536,6 +21904,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/check",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13545,6 +21924,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/check",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13585,6 +21975,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/check",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13594,6 +21995,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/check",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13609,6 +22021,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/check",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13618,6 +22041,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/check",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13628,13 +22062,288 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The sensor's id or name */
+                /**
+                 * @description The sensor's id or name
+                 * @example xela-uskin-4x4
+                 */
                 sensor: string;
             };
             cookie?: never;
         };
         requestBody: {
             content: {
+                /**
+                 * @example {
+                 *       "readings": [
+                 *         {
+                 *           "image": [
+                 *             11442,
+                 *             24058,
+                 *             33650,
+                 *             21351,
+                 *             12990,
+                 *             35493,
+                 *             43357,
+                 *             29806,
+                 *             15175,
+                 *             32395,
+                 *             41611,
+                 *             25756,
+                 *             10253,
+                 *             30381,
+                 *             36329,
+                 *             21298
+                 *           ],
+                 *           "pose": {
+                 *             "orientation": [
+                 *               -0.22773,
+                 *               0.058108,
+                 *               0.74643,
+                 *               -0.62258
+                 *             ],
+                 *             "position": [
+                 *               -0.029232,
+                 *               -0.1218,
+                 *               -0.28807
+                 *             ]
+                 *           }
+                 *         },
+                 *         {
+                 *           "image": [
+                 *             29769,
+                 *             42070,
+                 *             39524,
+                 *             22091,
+                 *             36854,
+                 *             49998,
+                 *             43813,
+                 *             28065,
+                 *             32404,
+                 *             42483,
+                 *             38095,
+                 *             21400,
+                 *             25604,
+                 *             34471,
+                 *             28949,
+                 *             15855
+                 *           ],
+                 *           "pose": {
+                 *             "orientation": [
+                 *               -0.39175,
+                 *               -0.33722,
+                 *               -0.42972,
+                 *               -0.74037
+                 *             ],
+                 *             "position": [
+                 *               -0.040577,
+                 *               -0.12243,
+                 *               -0.28387
+                 *             ]
+                 *           }
+                 *         },
+                 *         {
+                 *           "image": [
+                 *             31342,
+                 *             40496,
+                 *             35350,
+                 *             20010,
+                 *             43073,
+                 *             54991,
+                 *             44802,
+                 *             27363,
+                 *             36546,
+                 *             45003,
+                 *             40465,
+                 *             22973,
+                 *             21170,
+                 *             32973,
+                 *             27565,
+                 *             15155
+                 *           ],
+                 *           "pose": {
+                 *             "orientation": [
+                 *               -0.9835,
+                 *               0.00040714,
+                 *               -0.16091,
+                 *               -0.082624
+                 *             ],
+                 *             "position": [
+                 *               -0.022144,
+                 *               -0.12856,
+                 *               -0.2013
+                 *             ]
+                 *           }
+                 *         },
+                 *         {
+                 *           "image": [
+                 *             28842,
+                 *             33339,
+                 *             34313,
+                 *             31606,
+                 *             33975,
+                 *             38615,
+                 *             35128,
+                 *             36765,
+                 *             35662,
+                 *             35703,
+                 *             36291,
+                 *             34315,
+                 *             30060,
+                 *             36149,
+                 *             33947,
+                 *             30816
+                 *           ],
+                 *           "pose": {
+                 *             "orientation": [
+                 *               0.19385,
+                 *               0.67137,
+                 *               -0.71528,
+                 *               0.0075729
+                 *             ],
+                 *             "position": [
+                 *               -0.021254,
+                 *               -0.12104,
+                 *               -0.22873
+                 *             ]
+                 *           }
+                 *         },
+                 *         {
+                 *           "image": [
+                 *             37525,
+                 *             40101,
+                 *             40621,
+                 *             37675,
+                 *             37091,
+                 *             40567,
+                 *             38331,
+                 *             36959,
+                 *             31720,
+                 *             33844,
+                 *             31614,
+                 *             29217,
+                 *             22318,
+                 *             28456,
+                 *             26645,
+                 *             24633
+                 *           ],
+                 *           "pose": {
+                 *             "orientation": [
+                 *               0.42212,
+                 *               0.56475,
+                 *               -0.65477,
+                 *               0.27232
+                 *             ],
+                 *             "position": [
+                 *               -0.0057295,
+                 *               -0.12599,
+                 *               -0.25907
+                 *             ]
+                 *           }
+                 *         },
+                 *         {
+                 *           "image": [
+                 *             15181,
+                 *             21761,
+                 *             26122,
+                 *             24228,
+                 *             29775,
+                 *             37929,
+                 *             39728,
+                 *             38907,
+                 *             36824,
+                 *             42739,
+                 *             44931,
+                 *             39753,
+                 *             29530,
+                 *             36903,
+                 *             38954,
+                 *             36203
+                 *           ],
+                 *           "pose": {
+                 *             "orientation": [
+                 *               -0.64332,
+                 *               -0.23503,
+                 *               0.41066,
+                 *               -0.60188
+                 *             ],
+                 *             "position": [
+                 *               -0.035186,
+                 *               -0.11874,
+                 *               -0.28005
+                 *             ]
+                 *           }
+                 *         },
+                 *         {
+                 *           "image": [
+                 *             15631,
+                 *             28297,
+                 *             34630,
+                 *             27789,
+                 *             22282,
+                 *             37988,
+                 *             38949,
+                 *             31844,
+                 *             28892,
+                 *             42381,
+                 *             42287,
+                 *             31909,
+                 *             30027,
+                 *             46597,
+                 *             43352,
+                 *             31246
+                 *           ],
+                 *           "pose": {
+                 *             "orientation": [
+                 *               -0.57583,
+                 *               0.62329,
+                 *               0.43334,
+                 *               -0.30356
+                 *             ],
+                 *             "position": [
+                 *               -0.0076659,
+                 *               -0.131,
+                 *               -0.22154
+                 *             ]
+                 *           }
+                 *         },
+                 *         {
+                 *           "image": [
+                 *             14261,
+                 *             19027,
+                 *             27450,
+                 *             29532,
+                 *             30755,
+                 *             37750,
+                 *             40397,
+                 *             42906,
+                 *             37935,
+                 *             42273,
+                 *             42761,
+                 *             41305,
+                 *             32241,
+                 *             39941,
+                 *             36044,
+                 *             31908
+                 *           ],
+                 *           "pose": {
+                 *             "orientation": [
+                 *               0.2472,
+                 *               0.80755,
+                 *               0.0013444,
+                 *               -0.5355
+                 *             ],
+                 *             "position": [
+                 *               0.001954,
+                 *               -0.14065,
+                 *               -0.24734
+                 *             ]
+                 *           }
+                 *         }
+                 *       ],
+                 *       "reference_body": "ridge",
+                 *       "seed": 1
+                 *     }
+                 */
                 "application/json": components["schemas"]["CommissionSensor"];
             };
         };
@@ -13645,6 +22354,269 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "calibration": null,
+                     *       "findings": [
+                     *         {
+                     *           "correction": null,
+                     *           "deviation": null,
+                     *           "found": "Pa",
+                     *           "name": "pressure_unit",
+                     *           "probability": 1,
+                     *           "stated": "Pa",
+                     *           "value": null,
+                     *           "verdict": "right"
+                     *         },
+                     *         {
+                     *           "correction": null,
+                     *           "deviation": null,
+                     *           "found": "m",
+                     *           "name": "position_unit",
+                     *           "probability": 1,
+                     *           "stated": "m",
+                     *           "value": null,
+                     *           "verdict": "right"
+                     *         },
+                     *         {
+                     *           "correction": null,
+                     *           "deviation": null,
+                     *           "found": "x, y, z, w",
+                     *           "name": "quaternion_order",
+                     *           "probability": 1,
+                     *           "stated": "x, y, z, w",
+                     *           "value": null,
+                     *           "verdict": "right"
+                     *         }
+                     *       ],
+                     *       "n_touches": 8,
+                     *       "passport": {
+                     *         "dead": [],
+                     *         "edge": null,
+                     *         "gain": {
+                     *           "deviation": 0.216776,
+                     *           "value": 1.21711
+                     *         },
+                     *         "image_order": {
+                     *           "cols_reversed": false,
+                     *           "rows_reversed": false,
+                     *           "transposed": false
+                     *         },
+                     *         "looseness_m": 0.000278819,
+                     *         "margin": 0.0047,
+                     *         "point_spread": {
+                     *           "deviation": 0.000297003,
+                     *           "value": 0.00509172
+                     *         },
+                     *         "pose_direction": "session_from_sensor",
+                     *         "position_factor": 1,
+                     *         "pressure_factor": 1,
+                     *         "quaternion_order": "xyzw",
+                     *         "sent_from_true": {
+                     *           "orientation": [
+                     *             0,
+                     *             0,
+                     *             0,
+                     *             1
+                     *           ],
+                     *           "position": [
+                     *             0,
+                     *             0,
+                     *             0
+                     *           ]
+                     *         },
+                     *         "stiffening": {
+                     *           "deviation": 0.295969,
+                     *           "value": 0.450664
+                     *         }
+                     *       },
+                     *       "residual_after": 0.0319159,
+                     *       "residual_before": 0.250508,
+                     *       "sensor": "01a21669-99cc-7478-b587-22083de5af4a",
+                     *       "session_from_object": {
+                     *         "orientation": [
+                     *           0.63383,
+                     *           0.295274,
+                     *           -0.463393,
+                     *           0.544371
+                     *         ],
+                     *         "position": [
+                     *           -0.0282637,
+                     *           -0.129352,
+                     *           -0.246216
+                     *         ]
+                     *       },
+                     *       "summary": "Nothing is wrong, but these touches do not determine: edge. Touch faces with different normals, edges and corners.",
+                     *       "tool_center": {
+                     *         "offset": [
+                     *           {
+                     *             "deviation": 0.000293775,
+                     *             "value": 0.000144386
+                     *           },
+                     *           {
+                     *             "deviation": 0.000466272,
+                     *             "value": -0.00014847
+                     *           },
+                     *           {
+                     *             "deviation": 0.000280924,
+                     *             "value": 0.0000679577
+                     *           }
+                     *         ],
+                     *         "sent_from_true": {
+                     *           "orientation": [
+                     *             -0.00109737,
+                     *             -0.0000965038,
+                     *             -0.00733955,
+                     *             0.999972
+                     *           ],
+                     *           "position": [
+                     *             0.000144386,
+                     *             -0.00014847,
+                     *             0.0000679577
+                     *           ]
+                     *         },
+                     *         "turn": [
+                     *           {
+                     *             "deviation": 0.0129487,
+                     *             "value": -0.00219476
+                     *           },
+                     *           {
+                     *             "deviation": 0.0111045,
+                     *             "value": -0.000193009
+                     *           },
+                     *           {
+                     *             "deviation": 0.0402272,
+                     *             "value": -0.0146792
+                     *           }
+                     *         ]
+                     *       },
+                     *       "touched": "ridge",
+                     *       "touches": [
+                     *         {
+                     *           "observed": [
+                     *             11442,
+                     *             24058,
+                     *             33650,
+                     *             21351,
+                     *             12990,
+                     *             35493,
+                     *             43357,
+                     *             29806,
+                     *             15175,
+                     *             32395,
+                     *             41611,
+                     *             25756,
+                     *             10253,
+                     *             30381,
+                     *             36329,
+                     *             21298
+                     *           ],
+                     *           "predicted": [
+                     *             10490.3,
+                     *             26633.1,
+                     *             34012.4,
+                     *             22348.2,
+                     *             13689.6,
+                     *             35073.1,
+                     *             44508.4,
+                     *             28399.4,
+                     *             13511.8,
+                     *             34321.7,
+                     *             42702.6,
+                     *             26353.2,
+                     *             11432.3,
+                     *             28489.2,
+                     *             34529.1,
+                     *             20614.4
+                     *           ],
+                     *           "reading": 0
+                     *         },
+                     *         {
+                     *           "observed": [
+                     *             29769,
+                     *             42070,
+                     *             39524,
+                     *             22091,
+                     *             36854,
+                     *             49998,
+                     *             43813,
+                     *             28065,
+                     *             32404,
+                     *             42483,
+                     *             38095,
+                     *             21400,
+                     *             25604,
+                     *             34471,
+                     *             28949,
+                     *             15855
+                     *           ],
+                     *           "predicted": [
+                     *             33095.9,
+                     *             42151.4,
+                     *             39279.6,
+                     *             24154.8,
+                     *             36517.7,
+                     *             47585.6,
+                     *             44640.6,
+                     *             26670.6,
+                     *             32732,
+                     *             42366,
+                     *             38455.9,
+                     *             21565.6,
+                     *             25726,
+                     *             32814.9,
+                     *             28374.3,
+                     *             14721.8
+                     *           ],
+                     *           "reading": 1
+                     *         },
+                     *         {
+                     *           "observed": [
+                     *             31342,
+                     *             40496,
+                     *             35350,
+                     *             20010,
+                     *             43073,
+                     *             54991,
+                     *             44802,
+                     *             27363,
+                     *             36546,
+                     *             45003,
+                     *             40465,
+                     *             22973,
+                     *             21170,
+                     *             32973,
+                     *             27565,
+                     *             15155
+                     *           ],
+                     *           "predicted": [
+                     *             34690.6,
+                     *             39656.4,
+                     *             34775.2,
+                     *             20764.3,
+                     *             41332.4,
+                     *             50966,
+                     *             46441.9,
+                     *             27358.5,
+                     *             36669.2,
+                     *             46836.4,
+                     *             42115.4,
+                     *             23417.4,
+                     *             24436.2,
+                     *             32247.2,
+                     *             28379,
+                     *             14760
+                     *           ],
+                     *           "reading": 2
+                     *         }
+                     *       ],
+                     *       "undetermined": [
+                     *         "edge"
+                     *       ],
+                     *       "verdict": "undetermined",
+                     *       "wrong": []
+                     *     }
+                     */
                     "application/json": components["schemas"]["Commissioning"];
                 };
             };
@@ -13654,6 +22626,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/commissionings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13663,6 +22646,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/commissionings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13672,6 +22666,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/commissionings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13681,6 +22686,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/commissionings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13690,6 +22706,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/commissionings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13699,6 +22726,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/commissionings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13708,6 +22746,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/commissionings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13748,6 +22797,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/commissionings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13757,6 +22817,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/commissionings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13772,6 +22843,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/commissionings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13781,6 +22863,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/commissionings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13791,7 +22884,10 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The sensor's id or name */
+                /**
+                 * @description The sensor's id or name
+                 * @example left-finger
+                 */
                 sensor: string;
             };
             cookie?: never;
@@ -13804,6 +22900,28 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "calibration": 1,
+                     *       "dead": [],
+                     *       "first_day": null,
+                     *       "last_day": null,
+                     *       "n_days": 0,
+                     *       "n_presses": 0,
+                     *       "n_quiet": 0,
+                     *       "n_reasons": 0,
+                     *       "n_sessions": 0,
+                     *       "n_waiting": 0,
+                     *       "name": "left-finger",
+                     *       "reasons": [],
+                     *       "rest": null,
+                     *       "sensor": "01a21669-a117-73b1-ac5f-3c4c86c566ee",
+                     *       "state": "unknown",
+                     *       "stuck": [],
+                     *       "summary": "too little is known: expected ten presses that meet nothing, or three sessions that recognise an object with six touches or more",
+                     *       "tool_center": null
+                     *     }
+                     */
                     "application/json": components["schemas"]["SensorHealth"];
                 };
             };
@@ -13813,6 +22931,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/health",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13822,6 +22951,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/health",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13831,6 +22971,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/health",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13846,6 +22997,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/health",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13855,6 +23017,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/health",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13870,6 +23043,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/health",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13880,13 +23064,23 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                /** @description The sensor's id or name */
+                /**
+                 * @description The sensor's id or name
+                 * @example left-finger
+                 */
                 sensor: string;
             };
             cookie?: never;
         };
         requestBody: {
             content: {
+                /**
+                 * @example {
+                 *       "labels": {
+                 *         "cell": "3"
+                 *       }
+                 *     }
+                 */
                 "application/json": components["schemas"]["SetLabels"];
             };
         };
@@ -13897,6 +23091,87 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "calibration": null,
+                     *       "created_at": "2026-11-26T05:52:30.999Z",
+                     *       "description": {
+                     *         "coupling": {
+                     *           "cross_talk": 0,
+                     *           "edge": "loses_force",
+                     *           "gain_spread": 0.05,
+                     *           "hysteresis": 0,
+                     *           "kernel": "gaussian",
+                     *           "margin": 0.001
+                     *         },
+                     *         "covering_thickness": 0.00254,
+                     *         "force_curve": [
+                     *           {
+                     *             "displacement": 0,
+                     *             "pressure": 0
+                     *           },
+                     *           {
+                     *             "displacement": 0.00254,
+                     *             "pressure": 20000
+                     *           }
+                     *         ],
+                     *         "grid": {
+                     *           "cols": 3,
+                     *           "pitch": 0.002,
+                     *           "rows": 2,
+                     *           "taxel_width": 0.0018
+                     *         },
+                     *         "image_order": {
+                     *           "cols_reversed": false,
+                     *           "rows_reversed": true,
+                     *           "transposed": false
+                     *         },
+                     *         "noise": 100,
+                     *         "point_spread": 0.003482,
+                     *         "quantisation": 78.125,
+                     *         "ranges": {
+                     *           "cross_talk": {
+                     *             "high": 0.15,
+                     *             "low": 0
+                     *           },
+                     *           "edges": [
+                     *             "loses_force"
+                     *           ],
+                     *           "kernels": [
+                     *             "gaussian",
+                     *             "exponential"
+                     *           ],
+                     *           "margin": {
+                     *             "high": 0.001,
+                     *             "low": 0.001
+                     *           },
+                     *           "spread_factor": {
+                     *             "high": 1.4,
+                     *             "low": 0.3
+                     *           },
+                     *           "stiffening": {
+                     *             "high": 1.5,
+                     *             "low": 0
+                     *           },
+                     *           "stiffness": {
+                     *             "high": 2,
+                     *             "low": 0.5
+                     *           }
+                     *         },
+                     *         "saturation": 20000,
+                     *         "taxels": null
+                     *       },
+                     *       "id": "01a21669-a117-73b1-ac5f-3c4c86c566ee",
+                     *       "labels": {
+                     *         "cell": "3"
+                     *       },
+                     *       "layout": null,
+                     *       "name": "left-finger",
+                     *       "passport": null,
+                     *       "preset": null,
+                     *       "sensor_knowledge": "data_sheet"
+                     *     }
+                     */
                     "application/json": components["schemas"]["Sensor"];
                 };
             };
@@ -13906,6 +23181,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13915,6 +23201,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13924,6 +23221,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13933,6 +23241,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13942,6 +23261,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13951,6 +23281,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -13960,6 +23301,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14000,6 +23352,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14009,6 +23372,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14024,6 +23398,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14033,6 +23418,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14046,7 +23442,10 @@ export interface operations {
             };
             header?: never;
             path: {
-                /** @description The sensor's id or name */
+                /**
+                 * @description The sensor's id or name
+                 * @example left-finger
+                 */
                 sensor: string;
             };
             cookie?: never;
@@ -14059,6 +23458,62 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "corrections": [],
+                     *       "created_at": "2026-11-26T05:52:39.803Z",
+                     *       "n_touches": 8,
+                     *       "number": 1,
+                     *       "passport": {
+                     *         "dead": [],
+                     *         "edge": null,
+                     *         "gain": {
+                     *           "deviation": 0.216776,
+                     *           "value": 1.21711
+                     *         },
+                     *         "image_order": {
+                     *           "cols_reversed": false,
+                     *           "rows_reversed": false,
+                     *           "transposed": false
+                     *         },
+                     *         "looseness_m": 0.000278819,
+                     *         "margin": 0.0047,
+                     *         "point_spread": {
+                     *           "deviation": 0.000297003,
+                     *           "value": 0.00509172
+                     *         },
+                     *         "pose_direction": "session_from_sensor",
+                     *         "position_factor": 1,
+                     *         "pressure_factor": 1,
+                     *         "quaternion_order": "xyzw",
+                     *         "sent_from_true": {
+                     *           "orientation": [
+                     *             0,
+                     *             0,
+                     *             0,
+                     *             1
+                     *           ],
+                     *           "position": [
+                     *             0,
+                     *             0,
+                     *             0
+                     *           ]
+                     *         },
+                     *         "stiffening": {
+                     *           "deviation": 0.295969,
+                     *           "value": 0.450664
+                     *         }
+                     *       },
+                     *       "residual_after": 0.0319159,
+                     *       "residual_before": 0.250508,
+                     *       "sensor": "01a21669-a141-75df-a485-a80d291f5a53",
+                     *       "touched": "ridge",
+                     *       "undetermined": [
+                     *         "edge"
+                     *       ],
+                     *       "wrong": []
+                     *     }
+                     */
                     "application/json": components["schemas"]["SensorPassport"];
                 };
             };
@@ -14068,6 +23523,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/passport",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14077,6 +23543,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/passport",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14086,6 +23563,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/passport",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14126,6 +23614,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/passport",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14135,6 +23634,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/passport",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14150,6 +23660,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/passport",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14206,6 +23727,121 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "items": [
+                     *         {
+                     *           "bins": null,
+                     *           "catalogue": "lab",
+                     *           "closed_at": null,
+                     *           "created_at": "2026-11-26T05:52:48.074Z",
+                     *           "ended": null,
+                     *           "expires_at": "2026-11-27T05:52:48.075Z",
+                     *           "frame_id": null,
+                     *           "id": "01a21669-e3ca-7559-8230-d4b42a38d4a6",
+                     *           "labels": {},
+                     *           "latest": {
+                     *             "at": "2026-11-26T05:52:48.075Z",
+                     *             "best": {
+                     *               "name": "mug",
+                     *               "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *               "probability": 0.989422
+                     *             },
+                     *             "entropy_bits": 0.0846035,
+                     *             "n_readings": 1,
+                     *             "revision": 1,
+                     *             "unknown": 0
+                     *           },
+                     *           "leased_by": null,
+                     *           "leased_until": null,
+                     *           "method": "geometric",
+                     *           "n_readings": 1,
+                     *           "n_retracted": 0,
+                     *           "object_moves": null,
+                     *           "particles": null,
+                     *           "pose_prior": {
+                     *             "half_angle": 0.2,
+                     *             "half_extents": [
+                     *               0.01,
+                     *               0.01,
+                     *               0.01
+                     *             ],
+                     *             "kind": "bounded",
+                     *             "pose": {
+                     *               "orientation": [
+                     *                 0,
+                     *                 0,
+                     *                 0,
+                     *                 1
+                     *               ],
+                     *               "position": [
+                     *                 0.4,
+                     *                 -0.1,
+                     *                 0.25
+                     *               ]
+                     *             }
+                     *           },
+                     *           "revision": 1,
+                     *           "risk": null,
+                     *           "robots": null,
+                     *           "seed": 1,
+                     *           "state": "open",
+                     *           "touched_by": [],
+                     *           "truth": null,
+                     *           "ttl_s": 86400,
+                     *           "unknown_prior": null,
+                     *           "version": 1
+                     *         },
+                     *         {
+                     *           "bins": null,
+                     *           "catalogue": "default",
+                     *           "closed_at": null,
+                     *           "created_at": "2026-11-26T05:52:48.16Z",
+                     *           "ended": null,
+                     *           "expires_at": "2026-11-26T06:52:48.194Z",
+                     *           "frame_id": "base_link",
+                     *           "id": "01a21669-e420-7688-b464-66051b915281",
+                     *           "labels": {
+                     *             "order": "4711",
+                     *             "shift": "night"
+                     *           },
+                     *           "latest": {
+                     *             "at": "2026-11-26T05:52:48.194Z",
+                     *             "best": {
+                     *               "name": "hammer",
+                     *               "object": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *               "probability": 0.874529
+                     *             },
+                     *             "entropy_bits": 0.63377,
+                     *             "n_readings": 1,
+                     *             "revision": 1,
+                     *             "unknown": 0.0242583
+                     *           },
+                     *           "leased_by": null,
+                     *           "leased_until": null,
+                     *           "method": "surface",
+                     *           "n_readings": 1,
+                     *           "n_retracted": 0,
+                     *           "object_moves": null,
+                     *           "particles": null,
+                     *           "pose_prior": null,
+                     *           "revision": 1,
+                     *           "risk": 0.05,
+                     *           "robots": null,
+                     *           "seed": null,
+                     *           "state": "open",
+                     *           "touched_by": [
+                     *             "arm-3"
+                     *           ],
+                     *           "truth": null,
+                     *           "ttl_s": 3600,
+                     *           "unknown_prior": 0.05,
+                     *           "version": 1
+                     *         }
+                     *       ],
+                     *       "next_cursor": null
+                     *     }
+                     */
                     "application/json": components["schemas"]["SessionPage"];
                 };
             };
@@ -14215,6 +23851,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14224,6 +23871,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14264,6 +23922,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14273,6 +23942,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14288,6 +23968,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14306,14 +23997,8 @@ export interface operations {
                  * @example {
                  *       "catalogue": "default",
                  *       "frame_id": "base_link",
-                 *       "method": "sva",
-                 *       "prior": [
-                 *         {
-                 *           "object": "mug",
-                 *           "probability": 0.5
-                 *         }
-                 *       ],
-                 *       "ttl_s": 600
+                 *       "risk": 0.05,
+                 *       "ttl_s": 3600
                  *     }
                  */
                 "application/json": components["schemas"]["CreateSession"];
@@ -14328,6 +24013,38 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "bins": null,
+                     *       "catalogue": "default",
+                     *       "closed_at": null,
+                     *       "created_at": "2026-11-26T05:52:48.16Z",
+                     *       "ended": null,
+                     *       "expires_at": "2026-11-26T06:52:48.16Z",
+                     *       "frame_id": "base_link",
+                     *       "id": "01a21669-e420-7688-b464-66051b915281",
+                     *       "labels": {},
+                     *       "latest": null,
+                     *       "leased_by": null,
+                     *       "leased_until": null,
+                     *       "method": "surface",
+                     *       "n_readings": 0,
+                     *       "n_retracted": 0,
+                     *       "object_moves": null,
+                     *       "particles": null,
+                     *       "pose_prior": null,
+                     *       "revision": 0,
+                     *       "risk": 0.05,
+                     *       "robots": null,
+                     *       "seed": null,
+                     *       "state": "open",
+                     *       "touched_by": [],
+                     *       "truth": null,
+                     *       "ttl_s": 3600,
+                     *       "unknown_prior": 0.05,
+                     *       "version": 1
+                     *     }
+                     */
                     "application/json": components["schemas"]["Session"];
                 };
             };
@@ -14337,6 +24054,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14346,6 +24074,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14355,6 +24094,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14364,6 +24114,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14373,6 +24134,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14382,6 +24154,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14391,6 +24174,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14431,6 +24225,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14440,6 +24245,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14455,6 +24271,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14464,6 +24291,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14487,6 +24325,51 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "bins": null,
+                     *       "catalogue": "default",
+                     *       "closed_at": null,
+                     *       "created_at": "2026-11-26T05:52:48.16Z",
+                     *       "ended": null,
+                     *       "expires_at": "2026-11-26T06:52:48.194Z",
+                     *       "frame_id": "base_link",
+                     *       "id": "01a21669-e420-7688-b464-66051b915281",
+                     *       "labels": {},
+                     *       "latest": {
+                     *         "at": "2026-11-26T05:52:48.194Z",
+                     *         "best": {
+                     *           "name": "hammer",
+                     *           "object": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *           "probability": 0.874529
+                     *         },
+                     *         "entropy_bits": 0.63377,
+                     *         "n_readings": 1,
+                     *         "revision": 1,
+                     *         "unknown": 0.0242583
+                     *       },
+                     *       "leased_by": null,
+                     *       "leased_until": null,
+                     *       "method": "surface",
+                     *       "n_readings": 1,
+                     *       "n_retracted": 0,
+                     *       "object_moves": null,
+                     *       "particles": null,
+                     *       "pose_prior": null,
+                     *       "revision": 1,
+                     *       "risk": 0.05,
+                     *       "robots": null,
+                     *       "seed": null,
+                     *       "state": "open",
+                     *       "touched_by": [
+                     *         "arm-3"
+                     *       ],
+                     *       "truth": null,
+                     *       "ttl_s": 3600,
+                     *       "unknown_prior": 0.05,
+                     *       "version": 1
+                     *     }
+                     */
                     "application/json": components["schemas"]["Session"];
                 };
             };
@@ -14496,6 +24379,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14505,6 +24399,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14514,6 +24419,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14529,6 +24445,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14538,6 +24465,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14553,6 +24491,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14583,6 +24532,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14592,6 +24552,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14601,6 +24572,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14616,6 +24598,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14625,6 +24618,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14640,6 +24644,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14649,6 +24664,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14682,6 +24708,103 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "calibrated": true,
+                     *       "entropy_bits": 0.00349659,
+                     *       "n_readings": 3,
+                     *       "objects": [
+                     *         {
+                     *           "name": "mug",
+                     *           "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *           "probability": 0.999738
+                     *         },
+                     *         {
+                     *           "name": "hammer",
+                     *           "object": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *           "probability": 1.27754e-14
+                     *         }
+                     *       ],
+                     *       "poses": [
+                     *         {
+                     *           "covariance": [
+                     *             0.00000452674,
+                     *             0.00000454563,
+                     *             0.00000715075,
+                     *             0.000350075,
+                     *             -0.000165098,
+                     *             0.00000196137,
+                     *             0.00000454563,
+                     *             0.00000944904,
+                     *             0.0000100514,
+                     *             0.000823743,
+                     *             -0.000230561,
+                     *             -0.000094481,
+                     *             0.00000715075,
+                     *             0.0000100514,
+                     *             0.0000163822,
+                     *             0.00073556,
+                     *             -0.000353152,
+                     *             -0.0000537613,
+                     *             0.000350075,
+                     *             0.000823743,
+                     *             0.00073556,
+                     *             0.128696,
+                     *             -0.0347139,
+                     *             -0.0164658,
+                     *             -0.000165098,
+                     *             -0.000230561,
+                     *             -0.000353152,
+                     *             -0.0347139,
+                     *             0.0198819,
+                     *             -0.0000245917,
+                     *             0.00000196137,
+                     *             -0.000094481,
+                     *             -0.0000537613,
+                     *             -0.0164658,
+                     *             -0.0000245917,
+                     *             0.00614838
+                     *           ],
+                     *           "name": "mug",
+                     *           "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *           "pose": {
+                     *             "orientation": [
+                     *               -0.0826887,
+                     *               -0.945971,
+                     *               0.260873,
+                     *               0.173916
+                     *             ],
+                     *             "position": [
+                     *               -0.128816,
+                     *               -0.0221091,
+                     *               -0.165023
+                     *             ]
+                     *           },
+                     *           "session_from_model": {
+                     *             "orientation": [
+                     *               -0.0826887,
+                     *               -0.945971,
+                     *               0.260873,
+                     *               0.173916
+                     *             ],
+                     *             "position": [
+                     *               -0.128816,
+                     *               -0.0221091,
+                     *               -0.165023
+                     *             ]
+                     *           },
+                     *           "symmetry": [],
+                     *           "weight": 0.940034
+                     *         }
+                     *       ],
+                     *       "revision": 3,
+                     *       "session": "01a21669-e84c-7391-9f45-b9f8a49b69b8",
+                     *       "stop": null,
+                     *       "uncalibrated_reason": null,
+                     *       "unknown": 0.000262113,
+                     *       "warnings": []
+                     *     }
+                     */
                     "application/json": components["schemas"]["Belief"];
                 };
             };
@@ -14698,6 +24821,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/belief",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14707,6 +24841,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/belief",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14716,6 +24861,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/belief",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14756,6 +24912,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/belief",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14765,6 +24932,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/belief",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14780,6 +24958,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/belief",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14798,6 +24987,11 @@ export interface operations {
         /** @description The true object; optional */
         requestBody: {
             content: {
+                /**
+                 * @example {
+                 *       "object": "mug"
+                 *     }
+                 */
                 "application/json": components["schemas"]["CloseSession"];
             };
         };
@@ -14808,6 +25002,59 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "bins": null,
+                     *       "catalogue": "default",
+                     *       "closed_at": "2026-11-26T05:52:48.213Z",
+                     *       "created_at": "2026-11-26T05:52:48.16Z",
+                     *       "ended": "closed",
+                     *       "expires_at": null,
+                     *       "frame_id": "base_link",
+                     *       "id": "01a21669-e420-7688-b464-66051b915281",
+                     *       "labels": {
+                     *         "order": "4711",
+                     *         "shift": "night"
+                     *       },
+                     *       "latest": {
+                     *         "at": "2026-11-26T05:52:48.208Z",
+                     *         "best": {
+                     *           "name": "mug",
+                     *           "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *           "probability": 0.475
+                     *         },
+                     *         "entropy_bits": 1.2364,
+                     *         "n_readings": 0,
+                     *         "revision": 2,
+                     *         "unknown": 0.05
+                     *       },
+                     *       "leased_by": null,
+                     *       "leased_until": "2026-11-26T06:52:48.202Z",
+                     *       "method": "surface",
+                     *       "n_readings": 0,
+                     *       "n_retracted": 1,
+                     *       "object_moves": null,
+                     *       "particles": null,
+                     *       "pose_prior": null,
+                     *       "revision": 3,
+                     *       "risk": 0.05,
+                     *       "robots": null,
+                     *       "seed": null,
+                     *       "state": "closed",
+                     *       "touched_by": [
+                     *         "arm-3"
+                     *       ],
+                     *       "truth": {
+                     *         "name": "mug",
+                     *         "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *         "probability": 0.475,
+                     *         "was_right": false
+                     *       },
+                     *       "ttl_s": 3600,
+                     *       "unknown_prior": 0.05,
+                     *       "version": 1
+                     *     }
+                     */
                     "application/json": components["schemas"]["Session"];
                 };
             };
@@ -14817,6 +25064,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/close",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14826,6 +25084,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/close",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14835,6 +25104,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/close",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14844,6 +25124,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/close",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14853,6 +25144,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/close",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14862,6 +25164,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/close",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14871,6 +25184,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/close",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14880,6 +25204,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/close",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14920,6 +25255,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/close",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14929,6 +25275,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/close",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14944,6 +25301,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/close",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14953,6 +25321,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/close",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14976,6 +25355,11 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example event: belief
+                     *     id: 3
+                     *     data: {"kind":"belief","belief":{"session":"01a21669-e420-7688-b464-66051b915281","revision":3,"n_readings":0,"objects":[{"object":"01a21669-9f18-72bc-8255-71cd37f55fa2","name":"mug","probability":0.47500000000000003},{"object":"01a21669-9f21-7791-8c5a-69cb68db9812","name":"hammer","probability":0.…
+                     */
                     "text/event-stream": string;
                 };
             };
@@ -14985,6 +25369,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/events",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -14994,6 +25389,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/events",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15003,6 +25409,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/events",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15018,6 +25435,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/events",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15027,6 +25455,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/events",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15042,6 +25481,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/events",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15068,6 +25518,77 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "against": [],
+                     *       "answer": {
+                     *         "name": "mug",
+                     *         "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *         "probability": 0.999738
+                     *       },
+                     *       "complete": true,
+                     *       "nearest": {
+                     *         "name": "mug",
+                     *         "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *         "probability": 0.999738
+                     *       },
+                     *       "readings": [
+                     *         {
+                     *           "bits": -0.000163787,
+                     *           "disagrees": false,
+                     *           "fit_bits": null,
+                     *           "information_bits": 0.0000604438,
+                     *           "misfit": {
+                     *             "appearance_bits": 2.82427,
+                     *             "free_space_bits": 0,
+                     *             "height_m": -0.0000655734,
+                     *             "touched": true,
+                     *             "turn_rad": 0.182393
+                     *           },
+                     *           "number": 0,
+                     *           "robot": "simulated",
+                     *           "seq": 0,
+                     *           "support_bits": 0
+                     *         },
+                     *         {
+                     *           "bits": -0.000339519,
+                     *           "disagrees": false,
+                     *           "fit_bits": null,
+                     *           "information_bits": 0.000526716,
+                     *           "misfit": {
+                     *             "appearance_bits": 3.18631,
+                     *             "free_space_bits": 0,
+                     *             "height_m": -0.0000752212,
+                     *             "touched": true,
+                     *             "turn_rad": 0.170556
+                     *           },
+                     *           "number": 1,
+                     *           "robot": "simulated",
+                     *           "seq": 1,
+                     *           "support_bits": 0
+                     *         },
+                     *         {
+                     *           "bits": 0.000166518,
+                     *           "disagrees": false,
+                     *           "fit_bits": null,
+                     *           "information_bits": 0.000037028,
+                     *           "misfit": {
+                     *             "appearance_bits": 2.98421,
+                     *             "free_space_bits": 0,
+                     *             "height_m": -0.000637204,
+                     *             "touched": true,
+                     *             "turn_rad": 0.097313
+                     *           },
+                     *           "number": 2,
+                     *           "robot": "simulated",
+                     *           "seq": 2,
+                     *           "support_bits": 0
+                     *         }
+                     *       ],
+                     *       "revision": 3,
+                     *       "session": "01a21669-e84c-7391-9f45-b9f8a49b69b8"
+                     *     }
+                     */
                     "application/json": components["schemas"]["Explanation"];
                 };
             };
@@ -15077,6 +25598,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/explain",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15086,6 +25618,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/explain",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15095,6 +25638,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/explain",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15104,6 +25658,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/explain",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15144,6 +25709,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/explain",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15153,6 +25729,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/explain",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15168,6 +25755,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/explain",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15185,6 +25783,14 @@ export interface operations {
         };
         requestBody: {
             content: {
+                /**
+                 * @example {
+                 *       "labels": {
+                 *         "order": "4711",
+                 *         "shift": "night"
+                 *       }
+                 *     }
+                 */
                 "application/json": components["schemas"]["SetLabels"];
             };
         };
@@ -15195,6 +25801,54 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "bins": null,
+                     *       "catalogue": "default",
+                     *       "closed_at": null,
+                     *       "created_at": "2026-11-26T05:52:48.16Z",
+                     *       "ended": null,
+                     *       "expires_at": "2026-11-26T06:52:48.194Z",
+                     *       "frame_id": "base_link",
+                     *       "id": "01a21669-e420-7688-b464-66051b915281",
+                     *       "labels": {
+                     *         "order": "4711",
+                     *         "shift": "night"
+                     *       },
+                     *       "latest": {
+                     *         "at": "2026-11-26T05:52:48.194Z",
+                     *         "best": {
+                     *           "name": "hammer",
+                     *           "object": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *           "probability": 0.874529
+                     *         },
+                     *         "entropy_bits": 0.63377,
+                     *         "n_readings": 1,
+                     *         "revision": 1,
+                     *         "unknown": 0.0242583
+                     *       },
+                     *       "leased_by": null,
+                     *       "leased_until": null,
+                     *       "method": "surface",
+                     *       "n_readings": 1,
+                     *       "n_retracted": 0,
+                     *       "object_moves": null,
+                     *       "particles": null,
+                     *       "pose_prior": null,
+                     *       "revision": 1,
+                     *       "risk": 0.05,
+                     *       "robots": null,
+                     *       "seed": null,
+                     *       "state": "open",
+                     *       "touched_by": [
+                     *         "arm-3"
+                     *       ],
+                     *       "truth": null,
+                     *       "ttl_s": 3600,
+                     *       "unknown_prior": 0.05,
+                     *       "version": 1
+                     *     }
+                     */
                     "application/json": components["schemas"]["Session"];
                 };
             };
@@ -15204,6 +25858,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15213,6 +25878,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15222,6 +25898,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15231,6 +25918,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15240,6 +25938,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15249,6 +25958,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15258,6 +25978,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15298,6 +26029,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15307,6 +26049,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15322,6 +26075,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15331,6 +26095,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/labels",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15348,6 +26123,11 @@ export interface operations {
         };
         requestBody: {
             content: {
+                /**
+                 * @example {
+                 *       "seconds": 3600
+                 *     }
+                 */
                 "application/json": components["schemas"]["ExtendSession"];
             };
         };
@@ -15358,6 +26138,54 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "bins": null,
+                     *       "catalogue": "default",
+                     *       "closed_at": null,
+                     *       "created_at": "2026-11-26T05:52:48.16Z",
+                     *       "ended": null,
+                     *       "expires_at": "2026-11-26T06:52:48.202Z",
+                     *       "frame_id": "base_link",
+                     *       "id": "01a21669-e420-7688-b464-66051b915281",
+                     *       "labels": {
+                     *         "order": "4711",
+                     *         "shift": "night"
+                     *       },
+                     *       "latest": {
+                     *         "at": "2026-11-26T05:52:48.194Z",
+                     *         "best": {
+                     *           "name": "hammer",
+                     *           "object": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *           "probability": 0.874529
+                     *         },
+                     *         "entropy_bits": 0.63377,
+                     *         "n_readings": 1,
+                     *         "revision": 1,
+                     *         "unknown": 0.0242583
+                     *       },
+                     *       "leased_by": null,
+                     *       "leased_until": "2026-11-26T06:52:48.202Z",
+                     *       "method": "surface",
+                     *       "n_readings": 1,
+                     *       "n_retracted": 0,
+                     *       "object_moves": null,
+                     *       "particles": null,
+                     *       "pose_prior": null,
+                     *       "revision": 1,
+                     *       "risk": 0.05,
+                     *       "robots": null,
+                     *       "seed": null,
+                     *       "state": "open",
+                     *       "touched_by": [
+                     *         "arm-3"
+                     *       ],
+                     *       "truth": null,
+                     *       "ttl_s": 3600,
+                     *       "unknown_prior": 0.05,
+                     *       "version": 1
+                     *     }
+                     */
                     "application/json": components["schemas"]["Session"];
                 };
             };
@@ -15367,6 +26195,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/lease",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15376,6 +26215,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/lease",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15385,6 +26235,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/lease",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15394,6 +26255,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/lease",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15403,6 +26275,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/lease",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15412,6 +26295,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the session was closed at 2026-11-26T02:24:37Z",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/lease",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 410,
+                     *       "title": "Session ended",
+                     *       "type": "urn:palpate:problem:session-ended"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15421,6 +26315,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/lease",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15430,6 +26335,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/lease",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15470,6 +26386,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/lease",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15479,6 +26406,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/lease",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15494,6 +26432,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/lease",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15503,6 +26452,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/lease",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15531,6 +26491,186 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "axes": [
+                     *         {
+                     *           "axis": "x",
+                     *           "high": 0.01,
+                     *           "low": -0.01,
+                     *           "probabilities": [
+                     *             0.0210429,
+                     *             0.0210429,
+                     *             0.0210429,
+                     *             0.0210429,
+                     *             0.0210429,
+                     *             0.0210429,
+                     *             0.0210429,
+                     *             0.0210429,
+                     *             0.0208345,
+                     *             0.0208345,
+                     *             0.0208345,
+                     *             0.0208345,
+                     *             0.0208345,
+                     *             0.0208345,
+                     *             0.0208345,
+                     *             0.0208345,
+                     *             0.0207756,
+                     *             0.0207756,
+                     *             0.0207756,
+                     *             0.0207756,
+                     *             0.0207756,
+                     *             0.0207756,
+                     *             0.0207756,
+                     *             0.0207756,
+                     *             0.0207745,
+                     *             0.0207745,
+                     *             0.0207745,
+                     *             0.0207745,
+                     *             0.0207745,
+                     *             0.0207745,
+                     *             0.0207745,
+                     *             0.0207745,
+                     *             0.0207764,
+                     *             0.0207764,
+                     *             0.0207764,
+                     *             0.0207764,
+                     *             0.0207764,
+                     *             0.0207764,
+                     *             0.0207764,
+                     *             0.0207764,
+                     *             0.0207961,
+                     *             0.0207961,
+                     *             0.0207961,
+                     *             0.0207961,
+                     *             0.0207961,
+                     *             0.0207961,
+                     *             0.0207961,
+                     *             0.0207961
+                     *           ],
+                     *           "unit": "m"
+                     *         },
+                     *         {
+                     *           "axis": "y",
+                     *           "high": 0.01,
+                     *           "low": -0.01,
+                     *           "probabilities": [
+                     *             0.0209356,
+                     *             0.0209356,
+                     *             0.0209356,
+                     *             0.0209356,
+                     *             0.0209356,
+                     *             0.0209356,
+                     *             0.0209356,
+                     *             0.0209356,
+                     *             0.02083,
+                     *             0.02083,
+                     *             0.02083,
+                     *             0.02083,
+                     *             0.02083,
+                     *             0.02083,
+                     *             0.02083,
+                     *             0.02083,
+                     *             0.0207833,
+                     *             0.0207833,
+                     *             0.0207833,
+                     *             0.0207833,
+                     *             0.0207833,
+                     *             0.0207833,
+                     *             0.0207833,
+                     *             0.0207833,
+                     *             0.0207852,
+                     *             0.0207852,
+                     *             0.0207852,
+                     *             0.0207852,
+                     *             0.0207852,
+                     *             0.0207852,
+                     *             0.0207852,
+                     *             0.0207852,
+                     *             0.0208296,
+                     *             0.0208296,
+                     *             0.0208296,
+                     *             0.0208296,
+                     *             0.0208296,
+                     *             0.0208296,
+                     *             0.0208296,
+                     *             0.0208296,
+                     *             0.0208364,
+                     *             0.0208364,
+                     *             0.0208364,
+                     *             0.0208364,
+                     *             0.0208364,
+                     *             0.0208364,
+                     *             0.0208364,
+                     *             0.0208364
+                     *           ],
+                     *           "unit": "m"
+                     *         },
+                     *         {
+                     *           "axis": "z",
+                     *           "high": 0.01,
+                     *           "low": -0.01,
+                     *           "probabilities": [
+                     *             0.0207825,
+                     *             0.0207825,
+                     *             0.0207825,
+                     *             0.0207825,
+                     *             0.0207825,
+                     *             0.0207825,
+                     *             0.0207825,
+                     *             0.0207825,
+                     *             0.020848,
+                     *             0.020848,
+                     *             0.020848,
+                     *             0.020848,
+                     *             0.020848,
+                     *             0.020848,
+                     *             0.020848,
+                     *             0.020848,
+                     *             0.0208653,
+                     *             0.0208653,
+                     *             0.0208653,
+                     *             0.0208653,
+                     *             0.0208653,
+                     *             0.0208653,
+                     *             0.0208653,
+                     *             0.0208653,
+                     *             0.0208423,
+                     *             0.0208423,
+                     *             0.0208423,
+                     *             0.0208423,
+                     *             0.0208423,
+                     *             0.0208423,
+                     *             0.0208423,
+                     *             0.0208423,
+                     *             0.0208336,
+                     *             0.0208336,
+                     *             0.0208336,
+                     *             0.0208336,
+                     *             0.0208336,
+                     *             0.0208336,
+                     *             0.0208336,
+                     *             0.0208336,
+                     *             0.0208283,
+                     *             0.0208283,
+                     *             0.0208283,
+                     *             0.0208283,
+                     *             0.0208283,
+                     *             0.0208283,
+                     *             0.0208283,
+                     *             0.0208283
+                     *           ],
+                     *           "unit": "m"
+                     *         }
+                     *       ],
+                     *       "name": "mug",
+                     *       "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *       "plane": null,
+                     *       "probability": 0.989422,
+                     *       "revision": 1,
+                     *       "session": "01a21669-e3ca-7559-8230-d4b42a38d4a6"
+                     *     }
+                     */
                     "application/json": components["schemas"]["Marginals"];
                 };
             };
@@ -15547,6 +26687,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/marginals",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15556,6 +26707,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/marginals",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15565,6 +26727,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/marginals",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15574,6 +26747,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/marginals",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15614,6 +26798,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/marginals",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15623,6 +26818,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/marginals",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15638,6 +26844,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/marginals",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15655,6 +26872,21 @@ export interface operations {
         };
         requestBody: {
             content: {
+                /**
+                 * @example {
+                 *       "n": 3,
+                 *       "recenters": true,
+                 *       "sensor": "digitacts-6x6",
+                 *       "workspace": {
+                 *         "center": [
+                 *           0.4,
+                 *           -0.1,
+                 *           0.2
+                 *         ],
+                 *         "radius": 0.1
+                 *       }
+                 *     }
+                 */
                 "application/json": components["schemas"]["AskNextTouches"];
             };
         };
@@ -15665,6 +26897,80 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "complete": true,
+                     *       "entropy_bits": 1.2364,
+                     *       "evaluated": 48,
+                     *       "revision": 0,
+                     *       "session": "01a21669-e420-7688-b464-66051b915281",
+                     *       "touches": [
+                     *         {
+                     *           "bits_per_cost": null,
+                     *           "candidate": null,
+                     *           "contact_probability": 0.483514,
+                     *           "information_bits": 0.0666849,
+                     *           "pose": {
+                     *             "orientation": [
+                     *               -0.980047,
+                     *               0.017547,
+                     *               0.140177,
+                     *               0.13982
+                     *             ],
+                     *             "position": [
+                     *               0.420757,
+                     *               -0.105057,
+                     *               0.264632
+                     *             ]
+                     *           },
+                     *           "pose_bits": 1.39266,
+                     *           "reach_m": 0.142283
+                     *         },
+                     *         {
+                     *           "bits_per_cost": null,
+                     *           "candidate": null,
+                     *           "contact_probability": 0.474748,
+                     *           "information_bits": 0.059426,
+                     *           "pose": {
+                     *             "orientation": [
+                     *               -0.12908,
+                     *               0.957909,
+                     *               0.0323796,
+                     *               -0.254362
+                     *             ],
+                     *             "position": [
+                     *               0.438007,
+                     *               -0.0936256,
+                     *               0.245555
+                     *             ]
+                     *           },
+                     *           "pose_bits": 1.37159,
+                     *           "reach_m": 0.151648
+                     *         },
+                     *         {
+                     *           "bits_per_cost": null,
+                     *           "candidate": null,
+                     *           "contact_probability": 0.472955,
+                     *           "information_bits": 0.0590481,
+                     *           "pose": {
+                     *             "orientation": [
+                     *               -0.410168,
+                     *               0.608147,
+                     *               0.625906,
+                     *               0.26488
+                     *             ],
+                     *             "position": [
+                     *               0.433442,
+                     *               -0.209697,
+                     *               0.203959
+                     *             ]
+                     *           },
+                     *           "pose_bits": 1.38004,
+                     *           "reach_m": 0.15748
+                     *         }
+                     *       ]
+                     *     }
+                     */
                     "application/json": components["schemas"]["NextTouches"];
                 };
             };
@@ -15674,6 +26980,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/next-touches",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15683,6 +27000,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/next-touches",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15692,6 +27020,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/next-touches",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15701,6 +27040,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/next-touches",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15710,6 +27060,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/next-touches",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15719,6 +27080,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/next-touches",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15728,6 +27100,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the session was closed at 2026-11-26T02:24:37Z",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/next-touches",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 410,
+                     *       "title": "Session ended",
+                     *       "type": "urn:palpate:problem:session-ended"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15737,6 +27120,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/next-touches",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15746,6 +27140,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/next-touches",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15786,6 +27191,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/next-touches",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15795,6 +27211,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/next-touches",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15810,6 +27237,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/next-touches",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15819,6 +27257,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/next-touches",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15847,6 +27296,229 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "items": [
+                     *         {
+                     *           "approach_m": 0,
+                     *           "calibration": null,
+                     *           "contact": null,
+                     *           "corrected_pose": null,
+                     *           "feature": null,
+                     *           "image": [
+                     *             5468.75,
+                     *             3750,
+                     *             3359.38,
+                     *             3828.12,
+                     *             5546.88,
+                     *             7968.75,
+                     *             6171.88,
+                     *             4296.88,
+                     *             3125,
+                     *             3515.62,
+                     *             4687.5,
+                     *             6875,
+                     *             7265.62,
+                     *             4843.75,
+                     *             3359.38,
+                     *             3281.25,
+                     *             4062.5,
+                     *             5859.38,
+                     *             7890.62,
+                     *             5390.62,
+                     *             3750,
+                     *             3125,
+                     *             3437.5,
+                     *             5156.25,
+                     *             8984.38,
+                     *             6093.75,
+                     *             3984.38,
+                     *             3281.25,
+                     *             3281.25,
+                     *             4296.88,
+                     *             10078.1,
+                     *             7031.25,
+                     *             4687.5,
+                     *             3281.25,
+                     *             2734.38,
+                     *             3750
+                     *           ],
+                     *           "number": 0,
+                     *           "object_moved": null,
+                     *           "pose": {
+                     *             "orientation": [
+                     *               -0.216954,
+                     *               0.416933,
+                     *               0.261642,
+                     *               -0.842996
+                     *             ],
+                     *             "position": [
+                     *               -0.147627,
+                     *               -0.0260483,
+                     *               -0.152696
+                     *             ]
+                     *           },
+                     *           "received_at": "2026-11-26T05:52:49.233Z",
+                     *           "retracted_by": null,
+                     *           "retraction_written_by": null,
+                     *           "robot": "simulated",
+                     *           "sensor": "01a21669-99c1-70aa-a1e4-bf9737d62a83",
+                     *           "seq": 0,
+                     *           "shear": null,
+                     *           "stamp": {
+                     *             "nanosec": 233152741,
+                     *             "sec": 1795672369
+                     *           },
+                     *           "written_by": null
+                     *         },
+                     *         {
+                     *           "approach_m": 0,
+                     *           "calibration": null,
+                     *           "contact": null,
+                     *           "corrected_pose": null,
+                     *           "feature": null,
+                     *           "image": [
+                     *             3906.25,
+                     *             4765.62,
+                     *             5156.25,
+                     *             4296.88,
+                     *             2968.75,
+                     *             1796.88,
+                     *             4609.38,
+                     *             6328.12,
+                     *             6718.75,
+                     *             6250,
+                     *             4687.5,
+                     *             3281.25,
+                     *             4609.38,
+                     *             6562.5,
+                     *             7734.38,
+                     *             7812.5,
+                     *             6484.38,
+                     *             4531.25,
+                     *             3750,
+                     *             5859.38,
+                     *             7578.12,
+                     *             7890.62,
+                     *             7187.5,
+                     *             5468.75,
+                     *             2656.25,
+                     *             4453.12,
+                     *             5937.5,
+                     *             6953.12,
+                     *             6796.88,
+                     *             5468.75,
+                     *             1484.38,
+                     *             2890.62,
+                     *             4218.75,
+                     *             5234.38,
+                     *             5468.75,
+                     *             4843.75
+                     *           ],
+                     *           "number": 1,
+                     *           "object_moved": null,
+                     *           "pose": {
+                     *             "orientation": [
+                     *               -0.413939,
+                     *               0.70614,
+                     *               -0.498347,
+                     *               0.285782
+                     *             ],
+                     *             "position": [
+                     *               -0.172905,
+                     *               -0.0142117,
+                     *               -0.153483
+                     *             ]
+                     *           },
+                     *           "received_at": "2026-11-26T05:52:49.245Z",
+                     *           "retracted_by": null,
+                     *           "retraction_written_by": null,
+                     *           "robot": "simulated",
+                     *           "sensor": "01a21669-99c1-70aa-a1e4-bf9737d62a83",
+                     *           "seq": 1,
+                     *           "shear": null,
+                     *           "stamp": {
+                     *             "nanosec": 244969887,
+                     *             "sec": 1795672369
+                     *           },
+                     *           "written_by": null
+                     *         },
+                     *         {
+                     *           "approach_m": 0,
+                     *           "calibration": null,
+                     *           "contact": null,
+                     *           "corrected_pose": null,
+                     *           "feature": null,
+                     *           "image": [
+                     *             3593.75,
+                     *             3281.25,
+                     *             3046.88,
+                     *             2343.75,
+                     *             2109.38,
+                     *             1718.75,
+                     *             5078.12,
+                     *             4687.5,
+                     *             4375,
+                     *             3828.12,
+                     *             3437.5,
+                     *             3203.12,
+                     *             5781.25,
+                     *             5703.12,
+                     *             5546.88,
+                     *             5000,
+                     *             4921.88,
+                     *             4531.25,
+                     *             5937.5,
+                     *             5859.38,
+                     *             5937.5,
+                     *             5781.25,
+                     *             5625,
+                     *             5546.88,
+                     *             5546.88,
+                     *             5546.88,
+                     *             5703.12,
+                     *             5703.12,
+                     *             5859.38,
+                     *             6093.75,
+                     *             4140.62,
+                     *             4453.12,
+                     *             4843.75,
+                     *             5156.25,
+                     *             5546.88,
+                     *             5781.25
+                     *           ],
+                     *           "number": 2,
+                     *           "object_moved": null,
+                     *           "pose": {
+                     *             "orientation": [
+                     *               -0.595146,
+                     *               0.351663,
+                     *               0.719541,
+                     *               0.0662889
+                     *             ],
+                     *             "position": [
+                     *               -0.100599,
+                     *               -0.0347928,
+                     *               -0.163632
+                     *             ]
+                     *           },
+                     *           "received_at": "2026-11-26T05:52:49.25Z",
+                     *           "retracted_by": null,
+                     *           "retraction_written_by": null,
+                     *           "robot": "simulated",
+                     *           "sensor": "01a21669-99c1-70aa-a1e4-bf9737d62a83",
+                     *           "seq": 2,
+                     *           "shear": null,
+                     *           "stamp": {
+                     *             "nanosec": 250156508,
+                     *             "sec": 1795672369
+                     *           },
+                     *           "written_by": null
+                     *         }
+                     *       ],
+                     *       "next_cursor": null
+                     *     }
+                     */
                     "application/json": components["schemas"]["SessionReadingPage"];
                 };
             };
@@ -15856,6 +27528,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15865,6 +27548,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15874,6 +27568,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15914,6 +27619,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15923,6 +27639,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15938,6 +27665,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -15965,10 +27703,40 @@ export interface operations {
                  *           "frame_id": "base_link",
                  *           "image": [
                  *             0,
-                 *             1200,
                  *             0,
-                 *             null,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
                  *             900,
+                 *             2500,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             1800,
+                 *             4100,
+                 *             900,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             900,
+                 *             2500,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
+                 *             0,
                  *             0
                  *           ],
                  *           "pose": {
@@ -15985,7 +27753,7 @@ export interface operations {
                  *             ]
                  *           },
                  *           "robot": "arm-3",
-                 *           "sensor": "left-finger",
+                 *           "sensor": "digitacts-6x6",
                  *           "seq": 17,
                  *           "stamp": {
                  *             "nanosec": 500000000,
@@ -16005,6 +27773,44 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "belief": {
+                     *         "calibrated": true,
+                     *         "entropy_bits": 0.63377,
+                     *         "n_readings": 1,
+                     *         "objects": [
+                     *           {
+                     *             "name": "hammer",
+                     *             "object": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *             "probability": 0.874529
+                     *           },
+                     *           {
+                     *             "name": "mug",
+                     *             "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *             "probability": 0.101213
+                     *           }
+                     *         ],
+                     *         "poses": [],
+                     *         "revision": 1,
+                     *         "session": "01a21669-e420-7688-b464-66051b915281",
+                     *         "stop": {
+                     *           "found": 0.391272,
+                     *           "reached": false,
+                     *           "risk": 0.05
+                     *         },
+                     *         "uncalibrated_reason": null,
+                     *         "unknown": 0.0242583,
+                     *         "warnings": []
+                     *       },
+                     *       "n_new": 1,
+                     *       "n_presses": 1,
+                     *       "n_readings": 1,
+                     *       "n_repeated": 0,
+                     *       "session": "01a21669-e420-7688-b464-66051b915281",
+                     *       "warnings": []
+                     *     }
+                     */
                     "application/json": components["schemas"]["ReadingsAdded"];
                 };
             };
@@ -16014,6 +27820,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16023,6 +27840,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16032,6 +27860,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16041,6 +27880,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16050,6 +27900,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16059,6 +27920,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16068,6 +27940,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the session was closed at 2026-11-26T02:24:37Z",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 410,
+                     *       "title": "Session ended",
+                     *       "type": "urn:palpate:problem:session-ended"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16077,6 +27960,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16086,6 +27980,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16126,6 +28031,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16135,6 +28051,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16150,6 +28077,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16159,6 +28097,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16174,7 +28123,10 @@ export interface operations {
             path: {
                 /** @description The session's id */
                 session: string;
-                /** @description The reading's number within the session */
+                /**
+                 * @description The reading's number within the session
+                 * @example 0
+                 */
                 number: string;
             };
             cookie?: never;
@@ -16187,6 +28139,42 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "belief": {
+                     *         "calibrated": true,
+                     *         "entropy_bits": 1.2364,
+                     *         "n_readings": 0,
+                     *         "objects": [
+                     *           {
+                     *             "name": "mug",
+                     *             "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *             "probability": 0.475
+                     *           },
+                     *           {
+                     *             "name": "hammer",
+                     *             "object": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *             "probability": 0.475
+                     *           }
+                     *         ],
+                     *         "poses": [],
+                     *         "revision": 2,
+                     *         "session": "01a21669-e420-7688-b464-66051b915281",
+                     *         "stop": {
+                     *           "found": 0.75,
+                     *           "reached": false,
+                     *           "risk": 0.05
+                     *         },
+                     *         "uncalibrated_reason": null,
+                     *         "unknown": 0.05,
+                     *         "warnings": []
+                     *       },
+                     *       "n_readings": 0,
+                     *       "number": 0,
+                     *       "revision": 2,
+                     *       "session": "01a21669-e420-7688-b464-66051b915281"
+                     *     }
+                     */
                     "application/json": components["schemas"]["ReadingRetracted"];
                 };
             };
@@ -16196,6 +28184,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings/{number}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16205,6 +28204,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings/{number}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16214,6 +28224,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings/{number}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16223,6 +28244,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings/{number}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16232,6 +28264,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the session was closed at 2026-11-26T02:24:37Z",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings/{number}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 410,
+                     *       "title": "Session ended",
+                     *       "type": "urn:palpate:problem:session-ended"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16272,6 +28315,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings/{number}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16281,6 +28335,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings/{number}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16296,6 +28361,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings/{number}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16305,6 +28381,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings/{number}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16320,9 +28407,15 @@ export interface operations {
             path: {
                 /** @description The session's id */
                 session: string;
-                /** @description The robot that took it */
+                /**
+                 * @description The robot that took it
+                 * @example arm-3
+                 */
                 robot: string;
-                /** @description The reading's `seq` */
+                /**
+                 * @description The reading's `seq`
+                 * @example 17
+                 */
                 seq: string;
             };
             cookie?: never;
@@ -16335,6 +28428,42 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "belief": {
+                     *         "calibrated": true,
+                     *         "entropy_bits": 1.2364,
+                     *         "n_readings": 0,
+                     *         "objects": [
+                     *           {
+                     *             "name": "mug",
+                     *             "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *             "probability": 0.475
+                     *           },
+                     *           {
+                     *             "name": "hammer",
+                     *             "object": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *             "probability": 0.475
+                     *           }
+                     *         ],
+                     *         "poses": [],
+                     *         "revision": 2,
+                     *         "session": "01a21669-e420-7688-b464-66051b915281",
+                     *         "stop": {
+                     *           "found": 0.75,
+                     *           "reached": false,
+                     *           "risk": 0.05
+                     *         },
+                     *         "uncalibrated_reason": null,
+                     *         "unknown": 0.05,
+                     *         "warnings": []
+                     *       },
+                     *       "n_readings": 0,
+                     *       "number": 0,
+                     *       "revision": 2,
+                     *       "session": "01a21669-e420-7688-b464-66051b915281"
+                     *     }
+                     */
                     "application/json": components["schemas"]["ReadingRetracted"];
                 };
             };
@@ -16344,6 +28473,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings/{robot}/{seq}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16353,6 +28493,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings/{robot}/{seq}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16362,6 +28513,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings/{robot}/{seq}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16371,6 +28533,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings/{robot}/{seq}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16380,6 +28553,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the session was closed at 2026-11-26T02:24:37Z",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings/{robot}/{seq}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 410,
+                     *       "title": "Session ended",
+                     *       "type": "urn:palpate:problem:session-ended"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16420,6 +28604,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings/{robot}/{seq}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16429,6 +28624,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings/{robot}/{seq}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16444,6 +28650,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings/{robot}/{seq}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16453,6 +28670,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/readings/{robot}/{seq}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16485,6 +28713,343 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "belief": {
+                     *         "calibrated": true,
+                     *         "entropy_bits": 0.00349659,
+                     *         "n_readings": 3,
+                     *         "objects": [
+                     *           {
+                     *             "name": "mug",
+                     *             "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *             "probability": 0.999738
+                     *           },
+                     *           {
+                     *             "name": "hammer",
+                     *             "object": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *             "probability": 1.27754e-14
+                     *           }
+                     *         ],
+                     *         "poses": [
+                     *           {
+                     *             "covariance": [
+                     *               0.00000452674,
+                     *               0.00000454563,
+                     *               0.00000715075,
+                     *               0.000350075,
+                     *               -0.000165098,
+                     *               0.00000196137,
+                     *               0.00000454563,
+                     *               0.00000944904,
+                     *               0.0000100514,
+                     *               0.000823743,
+                     *               -0.000230561,
+                     *               -0.000094481,
+                     *               0.00000715075,
+                     *               0.0000100514,
+                     *               0.0000163822,
+                     *               0.00073556,
+                     *               -0.000353152,
+                     *               -0.0000537613,
+                     *               0.000350075,
+                     *               0.000823743,
+                     *               0.00073556,
+                     *               0.128696,
+                     *               -0.0347139,
+                     *               -0.0164658,
+                     *               -0.000165098,
+                     *               -0.000230561,
+                     *               -0.000353152,
+                     *               -0.0347139,
+                     *               0.0198819,
+                     *               -0.0000245917,
+                     *               0.00000196137,
+                     *               -0.000094481,
+                     *               -0.0000537613,
+                     *               -0.0164658,
+                     *               -0.0000245917,
+                     *               0.00614838
+                     *             ],
+                     *             "name": "mug",
+                     *             "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *             "pose": {
+                     *               "orientation": [
+                     *                 -0.0826887,
+                     *                 -0.945971,
+                     *                 0.260873,
+                     *                 0.173916
+                     *               ],
+                     *               "position": [
+                     *                 -0.128816,
+                     *                 -0.0221091,
+                     *                 -0.165023
+                     *               ]
+                     *             },
+                     *             "session_from_model": {
+                     *               "orientation": [
+                     *                 -0.0826887,
+                     *                 -0.945971,
+                     *                 0.260873,
+                     *                 0.173916
+                     *               ],
+                     *               "position": [
+                     *                 -0.128816,
+                     *                 -0.0221091,
+                     *                 -0.165023
+                     *               ]
+                     *             },
+                     *             "symmetry": [],
+                     *             "weight": 0.940034
+                     *           },
+                     *           {
+                     *             "covariance": [
+                     *               0.00000560333,
+                     *               0.00000696316,
+                     *               0.00000655002,
+                     *               0.000377027,
+                     *               -0.000177555,
+                     *               0.0000331858,
+                     *               0.00000696316,
+                     *               0.0000168736,
+                     *               0.00000944771,
+                     *               0.0011324,
+                     *               -0.00033169,
+                     *               -0.000149631,
+                     *               0.00000655002,
+                     *               0.00000944771,
+                     *               0.0000102369,
+                     *               0.000395884,
+                     *               -0.00024617,
+                     *               0.0000162882,
+                     *               0.000377027,
+                     *               0.0011324,
+                     *               0.000395884,
+                     *               0.123276,
+                     *               -0.0346684,
+                     *               -0.0173189,
+                     *               -0.000177555,
+                     *               -0.00033169,
+                     *               -0.00024617,
+                     *               -0.0346684,
+                     *               0.0183876,
+                     *               0.000283291,
+                     *               0.0000331858,
+                     *               -0.000149631,
+                     *               0.0000162882,
+                     *               -0.0173189,
+                     *               0.000283291,
+                     *               0.00855919
+                     *             ],
+                     *             "name": "mug",
+                     *             "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *             "pose": {
+                     *               "orientation": [
+                     *                 -0.0833223,
+                     *                 -0.906593,
+                     *                 0.35405,
+                     *                 0.213998
+                     *               ],
+                     *               "position": [
+                     *                 -0.130447,
+                     *                 -0.0245489,
+                     *                 -0.167837
+                     *               ]
+                     *             },
+                     *             "session_from_model": {
+                     *               "orientation": [
+                     *                 -0.0833223,
+                     *                 -0.906593,
+                     *                 0.35405,
+                     *                 0.213998
+                     *               ],
+                     *               "position": [
+                     *                 -0.130447,
+                     *                 -0.0245489,
+                     *                 -0.167837
+                     *               ]
+                     *             },
+                     *             "symmetry": [],
+                     *             "weight": 0.0386939
+                     *           },
+                     *           {
+                     *             "covariance": [
+                     *               0.00000390129,
+                     *               0.00000592848,
+                     *               0.00000551518,
+                     *               0.000290918,
+                     *               -0.0000838027,
+                     *               0.000019023,
+                     *               0.00000592848,
+                     *               0.0000127189,
+                     *               0.00000998655,
+                     *               0.000744974,
+                     *               -0.00024847,
+                     *               -0.0000929663,
+                     *               0.00000551518,
+                     *               0.00000998655,
+                     *               0.0000103752,
+                     *               0.000549629,
+                     *               -0.000267149,
+                     *               -0.0000174469,
+                     *               0.000290918,
+                     *               0.000744974,
+                     *               0.000549629,
+                     *               0.11389,
+                     *               -0.0302208,
+                     *               -0.0182975,
+                     *               -0.0000838027,
+                     *               -0.00024847,
+                     *               -0.000267149,
+                     *               -0.0302208,
+                     *               0.0170338,
+                     *               0.00303853,
+                     *               0.000019023,
+                     *               -0.0000929663,
+                     *               -0.0000174469,
+                     *               -0.0182975,
+                     *               0.00303853,
+                     *               0.0127561
+                     *             ],
+                     *             "name": "mug",
+                     *             "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *             "pose": {
+                     *               "orientation": [
+                     *                 -0.0680733,
+                     *                 -0.888852,
+                     *                 0.411429,
+                     *                 0.18983
+                     *               ],
+                     *               "position": [
+                     *                 -0.128877,
+                     *                 -0.0229667,
+                     *                 -0.165442
+                     *               ]
+                     *             },
+                     *             "session_from_model": {
+                     *               "orientation": [
+                     *                 -0.0680733,
+                     *                 -0.888852,
+                     *                 0.411429,
+                     *                 0.18983
+                     *               ],
+                     *               "position": [
+                     *                 -0.128877,
+                     *                 -0.0229667,
+                     *                 -0.165442
+                     *               ]
+                     *             },
+                     *             "symmetry": [],
+                     *             "weight": 0.0123593
+                     *           }
+                     *         ],
+                     *         "revision": 3,
+                     *         "session": "01a21669-e84c-7391-9f45-b9f8a49b69b8",
+                     *         "stop": null,
+                     *         "uncalibrated_reason": null,
+                     *         "unknown": 0.000262113,
+                     *         "warnings": []
+                     *       },
+                     *       "next_after": null,
+                     *       "session": "01a21669-e84c-7391-9f45-b9f8a49b69b8",
+                     *       "steps": [
+                     *         {
+                     *           "at": "2026-11-26T05:52:49.233Z",
+                     *           "best": {
+                     *             "name": "mug",
+                     *             "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *             "probability": 0.945084
+                     *           },
+                     *           "change": {
+                     *             "kind": "reading",
+                     *             "late": false,
+                     *             "number": 0,
+                     *             "robot": "simulated",
+                     *             "seq": 0
+                     *           },
+                     *           "entropy_bits": 0.361302,
+                     *           "n_readings": 1,
+                     *           "objects": [
+                     *             {
+                     *               "name": "mug",
+                     *               "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *               "probability": 0.945084
+                     *             },
+                     *             {
+                     *               "name": "hammer",
+                     *               "object": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *               "probability": 0.0306579
+                     *             }
+                     *           ],
+                     *           "revision": 1,
+                     *           "unknown": 0.0242583
+                     *         },
+                     *         {
+                     *           "at": "2026-11-26T05:52:49.245Z",
+                     *           "best": {
+                     *             "name": "mug",
+                     *             "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *             "probability": 0.999623
+                     *           },
+                     *           "change": {
+                     *             "kind": "reading",
+                     *             "late": false,
+                     *             "number": 1,
+                     *             "robot": "simulated",
+                     *             "seq": 1
+                     *           },
+                     *           "entropy_bits": 0.00489516,
+                     *           "n_readings": 2,
+                     *           "objects": [
+                     *             {
+                     *               "name": "mug",
+                     *               "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *               "probability": 0.999623
+                     *             },
+                     *             {
+                     *               "name": "hammer",
+                     *               "object": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *               "probability": 0.00000838894
+                     *             }
+                     *           ],
+                     *           "revision": 2,
+                     *           "unknown": 0.000369108
+                     *         },
+                     *         {
+                     *           "at": "2026-11-26T05:52:49.25Z",
+                     *           "best": {
+                     *             "name": "mug",
+                     *             "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *             "probability": 0.999738
+                     *           },
+                     *           "change": {
+                     *             "kind": "reading",
+                     *             "late": false,
+                     *             "number": 2,
+                     *             "robot": "simulated",
+                     *             "seq": 2
+                     *           },
+                     *           "entropy_bits": 0.00349659,
+                     *           "n_readings": 3,
+                     *           "objects": [
+                     *             {
+                     *               "name": "mug",
+                     *               "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *               "probability": 0.999738
+                     *             },
+                     *             {
+                     *               "name": "hammer",
+                     *               "object": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *               "probability": 1.27754e-14
+                     *             }
+                     *           ],
+                     *           "revision": 3,
+                     *           "unknown": 0.000262113
+                     *         }
+                     *       ],
+                     *       "upto": 3
+                     *     }
+                     */
                     "application/json": components["schemas"]["Replay"];
                 };
             };
@@ -16494,6 +29059,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/replay",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16503,6 +29079,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/replay",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16512,6 +29099,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/replay",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16552,6 +29150,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/replay",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16561,6 +29170,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/replay",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16576,6 +29196,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/replay",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16605,6 +29236,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/snapshots",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16614,6 +29256,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/snapshots",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16629,6 +29282,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/snapshots",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16638,6 +29302,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/snapshots",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16653,6 +29328,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/snapshots",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16662,6 +29348,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/snapshots",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16682,6 +29379,41 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "free_bytes": 60551356416,
+                     *       "holders": [
+                     *         {
+                     *           "bytes": 3479213,
+                     *           "key": null
+                     *         }
+                     *       ],
+                     *       "largest": [
+                     *         {
+                     *           "bytes": 4763268,
+                     *           "id": null,
+                     *           "kind": "compaction",
+                     *           "name": "of removed and replaced records"
+                     *         },
+                     *         {
+                     *           "bytes": 2355887,
+                     *           "id": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *           "kind": "object",
+                     *           "name": "mug"
+                     *         },
+                     *         {
+                     *           "bytes": 800088,
+                     *           "id": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *           "kind": "object",
+                     *           "name": "hammer"
+                     *         }
+                     *       ],
+                     *       "live_bytes": 3625402,
+                     *       "quota_bytes": 10000000000,
+                     *       "reserve_bytes": 67108864,
+                     *       "stored_bytes": 8388670
+                     *     }
+                     */
                     "application/json": components["schemas"]["Storage"];
                 };
             };
@@ -16691,6 +29423,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/storage",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16700,6 +29443,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/storage",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16715,6 +29469,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/storage",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16724,6 +29489,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/storage",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16739,6 +29515,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/storage",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16759,6 +29546,14 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "key": null,
+                     *       "keys_required": false,
+                     *       "quota_bytes": null,
+                     *       "role": "admin"
+                     *     }
+                     */
                     "application/json": components["schemas"]["Whoami"];
                 };
             };
@@ -16768,6 +29563,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/whoami",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16777,6 +29583,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/whoami",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16792,6 +29609,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/whoami",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16801,6 +29629,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/whoami",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16816,6 +29655,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/whoami",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16836,6 +29686,13 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "api": "v1",
+                     *       "name": "palpate",
+                     *       "version": "0.1.0"
+                     *     }
+                     */
                     "application/json": components["schemas"]["Version"];
                 };
             };
@@ -16851,6 +29708,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/version",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16860,6 +29728,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/version",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -16875,6 +29754,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/version",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
