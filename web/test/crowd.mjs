@@ -1,17 +1,19 @@
 // The dashboard with a crowd: 125 open sessions, of which some need somebody, and 2,000 objects.
 // Measures requests, bytes and the renderer's memory of each page; `OUT=FILE` keeps the figures.
+// With `PAGES=FOLDER` the pages are those of another build of the dashboard, for comparison: then
+// nothing is asserted, and pages that it lacks have no figures.
 import assert from "node:assert/strict";
 import { readdirSync, readFileSync, writeFileSync } from "node:fs";
 import { open } from "./browser.mjs";
 
-const { PALPATE_SERVER: SERVER, OUT } = process.env;
+const { PALPATE_SERVER: SERVER, OUT, PAGES } = process.env;
 const N_OBJECTS = Number(process.env.N_OBJECTS ?? 2000);
 const N_SESSIONS = 125;
 const N_STUCK = 7;
 /** Undecided sessions without a reading for this long need somebody. */
 const STUCK_MS = 60_000;
-/** The aim is 300 MB; a third more finds a leak and not the noise of a browser without a graphics card. */
-const MEMORY_MAX_MB = 400;
+/** Most memory of the renderer that a page may keep, MB; the pages are far below it. */
+const MEMORY_MAX_MB = 300;
 /** Requests at once. */
 const AT_ONCE = 8;
 
@@ -126,10 +128,16 @@ async function measure(name, path, sign, then = async () => {}) {
   const begun = Date.now();
   // Another address before `#` loads the page anew.
   await page.goto(`${SERVER}/?${name.replaceAll(" ", "-")}#/${path}`);
-  await page.locator(sign).first().waitFor();
-  await then();
+  try {
+    await page.locator(sign).first().waitFor();
+    await then();
+  } catch (error) {
+    if (!PAGES) throw error;
+    console.log(`   ${name}: not as expected: ${String(error).split("\n")[0]}`);
+    if ((await page.locator(sign).count()) === 0) return;
+  }
   await page.waitForTimeout(4000);
-  assert.deepEqual(errors, [], `errors in the console on: ${name}`);
+  if (!PAGES) assert.deepEqual(errors, [], `errors in the console on: ${name}`);
   const before = renderersMb();
   // What nobody needs is freed late while there is room: a leak is what stays.
   await devtools.send("HeapProfiler.collectGarbage");
@@ -137,7 +145,7 @@ async function measure(name, path, sign, then = async () => {}) {
   const memory = renderersMb();
   figures[name] = { requests: traffic.requests, kilobytes: Math.round(traffic.bytes / 1000), renderer_mb: Math.round(memory), with_garbage_mb: Math.round(before) };
   console.log(`   ${name}: ${traffic.requests} requests, ${figures[name].kilobytes} kB, ${figures[name].renderer_mb} MB, ${figures[name].with_garbage_mb} MB with garbage (${((Date.now() - begun) / 1000).toFixed(1)} s)`);
-  assert.ok(memory <= MEMORY_MAX_MB, `${name} takes ${memory.toFixed(0)} MB of the renderer`);
+  assert.ok(PAGES || memory <= MEMORY_MAX_MB, `${name} takes ${memory.toFixed(0)} MB of the renderer`);
 }
 
 await measure("fleet", "fleet", ".fleet-row", async () => {
@@ -149,17 +157,18 @@ await measure("fleet", "fleet", ".fleet-row", async () => {
   await page.waitForFunction((n) => document.querySelectorAll(".fleet-row").length === n, N_SESSIONS);
 });
 await measure("sessions", "sessions", "tbody tr");
-await measure("objects", "objects", ".card", async () => {
-  await page.waitForFunction((n) => document.querySelectorAll(".card").length === n, N_OBJECTS);
-});
+const last = `thing-${String(N_OBJECTS - 3).padStart(4, "0")}`;
+/** Waits until the page knows all objects, of which few are elements (an older dashboard made all). */
+const allObjects = () => page.locator(`.card[aria-setsize="${N_OBJECTS}"], .card:nth-child(${N_OBJECTS})`).first().waitFor();
+await measure("objects", "objects", ".card", allObjects);
 await measure("objects scrolled to the end", "objects", ".card", async () => {
-  await page.waitForFunction((n) => document.querySelectorAll(".card").length === n, N_OBJECTS);
+  await allObjects();
   const isAtEnd = () => page.evaluate(() => scrollY + innerHeight >= document.documentElement.scrollHeight - 2);
   while (!(await isAtEnd())) {
     await page.evaluate(() => scrollBy(0, 800));
     await page.waitForTimeout(60);
   }
-  await page.locator(".card").last().locator("canvas[data-picture]").waitFor();
+  await page.locator(".card", { hasText: last }).locator("canvas[data-picture]").waitFor();
 });
 await measure("models", "models", "tbody tr");
 await measure("jobs", "jobs", "tbody tr");

@@ -2,6 +2,7 @@
 import { useState } from "preact/hooks";
 import type { ObjectInfo } from "../api/types";
 import { count, plural } from "../format";
+import { matches } from "./window";
 
 interface Props {
   objects: ObjectInfo[];
@@ -47,10 +48,4 @@ export function ObjectChoice({ objects, chosen, onChange }: Props) {
       </div>
     </fieldset>
   );
-}
-
-/** Whether a name contains every word of a search, in any case and order. */
-function matches(name: string, search: string): boolean {
-  const words = search.toLowerCase().split(/\s+/).filter((word) => word !== "");
-  return words.every((word) => name.toLowerCase().includes(word));
 }

@@ -11,7 +11,7 @@ import { ViewHead } from "../parts/Panel";
 import { link } from "../router";
 import { may } from "../signin";
 import { DropZone } from "./DropZone";
-import { ObjectCard } from "./ObjectCard";
+import { Gallery } from "./Gallery";
 import { TrainDialog } from "./TrainDialog";
 import { TrainingNow } from "./TrainingNow";
 
@@ -55,11 +55,7 @@ export function ObjectsView() {
               <Commands lines={ADD_EXAMPLE} roles={["trainer", "admin"]} />
             </Empty>
           ) : (
-            <ul class="gallery">
-              {found.map((object) => (
-                <ObjectCard key={object.id} object={object} />
-              ))}
-            </ul>
+            <Gallery objects={found} />
           )
         }
       </Show>
