@@ -5,7 +5,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use palpate_client::TouchSession;
-use palpate_client::schemas::{AskNextTouches, Belief, NextTouch, TrainingReport};
+use palpate_client::schemas as wire;
+use palpate_client::schemas::{AskNextTouches, Belief, CloseSession, NextTouch, TrainingReport};
 use palpate_core::pose::Pose;
 use palpate_core::symmetry::Symmetry;
 use serde::Serialize;
@@ -68,6 +69,19 @@ impl Truth {
             origin_in_mesh: trained.origin_in_mesh,
             symmetry: symmetry_in_mesh.seen_from(trained.origin_in_mesh.into()),
         })
+    }
+
+    /// What a session is closed with.
+    pub(crate) fn told(&self) -> CloseSession {
+        let Pose { translation, rotation } = self.session_from_object;
+        CloseSession {
+            object: self.object.clone(),
+            none_of_these: self.object.is_none().then_some(true),
+            pose: self.object.as_ref().map(|_| wire::Pose {
+                position: translation.to_array(),
+                orientation: rotation.to_array(),
+            }),
+        }
     }
 
     /// Truth of an object that the catalogue does not have: there is no pose to compare.

@@ -107,6 +107,25 @@ class Truth:
     """What the belief gave it."""
     was_right: bool
     """Whether it was the likeliest answer."""
+    pose: Pose | None = None
+    """Its true pose, if that was reported."""
+    position_error: float | None = None
+    """Distance of the believed pose from it, in metres."""
+    angle_error: float | None = None
+    """Angle between the two up to the object's symmetry, in radians."""
+
+    @classmethod
+    def from_wire(cls, document: Document) -> Truth:
+        """The truth of an answer."""
+        pose = document.get("pose")
+        return cls(
+            document.get("name"),
+            document["probability"],
+            document["was_right"],
+            None if pose is None else Pose.from_wire(pose),
+            document.get("position_error"),
+            document.get("angle_error"),
+        )
 
 
 @dataclass(frozen=True)
@@ -136,7 +155,7 @@ class Session:
             document.get("frame_id"),
             document["state"],
             document["n_readings"],
-            Truth(truth.get("name"), truth["probability"], truth["was_right"]) if truth else None,
+            Truth.from_wire(truth) if truth else None,
             document,
         )
 

@@ -103,9 +103,15 @@ def add_in_parts(path: tuple[str, ...], readings: list[Document], **query: Any) 
     return Added(n_new, n_repeated, added.n_readings, warnings, added.belief)
 
 
-def close(session: str, truth: str | None, none_of_these: bool) -> Steps[Session]:
+def close(
+    session: str, truth: str | None, none_of_these: bool, pose: PoseLike | None
+) -> Steps[Session]:
     """Closes a session."""
-    document = {"object": truth, "none_of_these": True if none_of_these else None}
+    document = {
+        "object": truth,
+        "none_of_these": True if none_of_these else None,
+        "pose": None if pose is None else Pose.of(pose).to_wire(),
+    }
     request = post("v1", "sessions", session, "close").with_json(document).repeatable()
     return ask(request, Session.from_wire)
 
@@ -469,10 +475,18 @@ class Operations(Administration):
 
     @operation
     def close_session(
-        self, session: str, *, truth: str | None = None, none_of_these: bool = False
+        self,
+        session: str,
+        *,
+        truth: str | None = None,
+        none_of_these: bool = False,
+        pose: PoseLike | None = None,
     ) -> Steps[Session]:
-        """Closes a session and reports its true object, even after its end."""
-        return close(session, truth, none_of_these)
+        """Closes a session and reports its true object, even after its end.
+
+        `pose` is the true pose of the object, as far as it is known; it needs `truth`.
+        """
+        return close(session, truth, none_of_these, pose)
 
     @operation
     def extend_session(self, session: str, seconds: int) -> Steps[Session]:

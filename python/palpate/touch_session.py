@@ -138,9 +138,18 @@ class TouchOperations:
         return rank(self.id, used, candidates, costs, workspace, options)
 
     @operation
-    def close(self, *, truth: str | None = None, none_of_these: bool = False) -> Steps[Session]:
-        """Closes the session and reports its true object; `truth` of the result judges it."""
-        self._session = yield from close(self.id, truth, none_of_these)
+    def close(
+        self,
+        *,
+        truth: str | None = None,
+        none_of_these: bool = False,
+        pose: PoseLike | None = None,
+    ) -> Steps[Session]:
+        """Closes the session and reports its true object; `truth` of the result judges it.
+
+        `pose` is the true pose of the object, as far as it is known; it needs `truth`.
+        """
+        self._session = yield from close(self.id, truth, none_of_these, pose)
         return self._session
 
     def _send(
@@ -182,7 +191,7 @@ class TouchOperations:
         if self._session is None or self._session.state != "open":
             return
         try:
-            self._session = yield from close(self._session.id, None, False)
+            self._session = yield from close(self._session.id, None, False, None)
         except PalpateError:
             if not is_failing:
                 raise

@@ -10,6 +10,7 @@ use crate::geometry::PosePrior;
 use crate::history::TracePoint;
 use crate::labels::Labels;
 use crate::method::Method;
+use crate::pose::Pose;
 use crate::reading::{Looseness, Reading};
 use crate::warning::Warning;
 
@@ -95,7 +96,7 @@ pub struct CreateSession {
 }
 
 /// The end of a session and, if known, the true object.
-#[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CloseSession {
     /// Id or name of the object that was touched. The server counts how often its answer was right.
@@ -105,6 +106,10 @@ pub struct CloseSession {
     /// True if the object was not in the catalogue. Excludes `object`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub none_of_these: Option<bool>,
+    /// True pose of the object's frame in the session frame, if it is known, as to a simulator.
+    /// Needs `object`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pose: Option<Pose>,
 }
 
 /// The true object of a session, as a client reported it.
@@ -119,6 +124,17 @@ pub struct Truth {
     pub probability: f64,
     /// Whether the likeliest answer was the true one.
     pub was_right: bool,
+    /// True pose of the object's frame in the session frame, if a client told it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pose: Option<Pose>,
+    /// Distance of the believed pose of the true object from its true pose, in metres; null if no
+    /// pose was told or believed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub position_error: Option<f64>,
+    /// Smallest angle between the two, in radians, up to the symmetry of the object that the
+    /// training found.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub angle_error: Option<f64>,
 }
 
 /// A lease that keeps a session open without new readings.

@@ -37,6 +37,10 @@ export function mm(metres: number): string {
   return `${decimal(value, Math.abs(value) >= 100 ? 0 : 1)} mm`;
 }
 
+export function degrees(radians: number): string {
+  return `${decimal((radians * 180) / Math.PI, 1)}°`;
+}
+
 export function kPa(pascal: number): string {
   if (Math.abs(pascal) < 1000) return `${decimal(pascal, 0)} Pa`;
   return `${decimal(pascal / 1000, 1)} kPa`;

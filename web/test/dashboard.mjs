@@ -31,8 +31,8 @@ async function shot(name, fullPage = false) {
 }
 
 /** A simulated robot that touches a mesh; resolves when it is done. */
-function robot(object, file, readings, seed, pace) {
-  const args = ["touch", "--object", object, "--mesh", mesh(file), "--readings", readings, "--seed", seed, "--pace", pace];
+function robot(object, file, readings, seed, pace, ...more) {
+  const args = ["touch", "--object", object, "--mesh", mesh(file), "--readings", readings, "--seed", seed, "--pace", pace, ...more];
   const child = spawn(PALPATE, args.map(String), { stdio: "ignore" });
   return new Promise((resolve) => child.on("exit", resolve));
 }
@@ -296,6 +296,21 @@ await step("a session says where to touch next, and the true object once it is t
   assert.equal((await closed.json()).truth.name, "hammer");
   await page.getByText("it was hammer").waitFor();
   assert.equal(await page.getByText("it was hammer").getAttribute("class"), "badge badge-bad", "it was believed to be a gear");
+});
+await step("a simulated robot closes with the truth, which is drawn beside the belief", async () => {
+  await robot("mug", "mug", 6, 12, 0, "--close");
+  const listed = await json("/v1/sessions?order=newest&state=closed&limit=1");
+  const { id, truth } = listed.items[0];
+  assert.ok(truth.position_error < 0.01, `${truth.position_error} m`);
+  await visit(`sessions/${id}`);
+  await page.getByText("off at its end").waitFor();
+  const button = page.getByRole("button", { name: "Truth", exact: true });
+  assert.equal(await button.getAttribute("aria-pressed"), "true");
+  await page.getByText("net: the object where it truly is").waitFor();
+  await page.waitForTimeout(1500);
+  await shot("truth");
+  await button.click();
+  await page.getByText("net: the object where it truly is").waitFor({ state: "detached" });
 });
 
 await step("what is not there is said, with the server's reason", async () => {

@@ -13,6 +13,9 @@ async function operation(id) {
   return block;
 }
 
+const served = await (await fetch(`${SERVER}/docs/`)).text();
+assert.ok(!served.includes("--features swagger"), "the server was built without --features swagger");
+
 for (const colorScheme of ["light", "dark"]) {
   await page.emulateMedia({ colorScheme });
   await page.setViewportSize({ width: 1280, height: 900 });

@@ -164,7 +164,7 @@ pub(crate) async fn run(args: SessionsArgs, context: &Context) -> anyhow::Result
         Action::Close { session, object, none_of_these } => {
             let is_none = none_of_these || object.as_deref() == Some(NONE);
             let object = object.filter(|_| !is_none);
-            let told = CloseSession { object, none_of_these: is_none.then_some(true) };
+            let told = CloseSession { object, none_of_these: is_none.then_some(true), pose: None };
             let session = client.close_session_with(session, &told).await?;
             output.answer(&session, |session| {
                 let closed = table(std::slice::from_ref(session));

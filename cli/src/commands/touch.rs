@@ -68,6 +68,10 @@ pub(crate) struct TouchArgs {
     /// Sensor of the robot.
     #[arg(long, default_value = "digitacts-6x6", value_parser = parse_preset)]
     sensor: SensorPreset,
+    /// Close the session at the end with the true object and its true pose: the dashboard then
+    /// draws the truth beside the belief, and recalibrations learn from it.
+    #[arg(long)]
+    close: bool,
 }
 
 /// The answer of the command.
@@ -140,6 +144,9 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
         }
     };
     let is_posed = !method.is_some_and(Method::is_appearance) && args.object != NONE;
+    if args.close {
+        client.close_session_with(session.id(), &truth.told()).await?;
+    }
     let touched = Touched::of(session.id(), &result);
     output.answer(&touched, |touched| verdict(touched, &result.last, is_posed))?;
     if touched.right { Ok(()) } else { Err(Ended::NotRecognised.into()) }

@@ -5,6 +5,8 @@ use std::time::Instant;
 
 use palpate_core::belief::answer::Answer;
 use palpate_core::object::ObjectIdx;
+use palpate_core::pose::Pose;
+use palpate_core::symmetry::Symmetry;
 use palpate_schemas as wire;
 use palpate_schemas::Method;
 
@@ -16,9 +18,11 @@ use crate::asker::Asker;
 use crate::cause::Cause;
 use crate::clock::now_ms;
 use crate::compute::Place;
-use crate::wire::geometry;
+use crate::wire::belief::knows_symmetry;
+use crate::wire::life::ToldTruth;
 use crate::wire::next_touch::{Question, next_touches};
 use crate::wire::session::options;
+use crate::wire::{geometry, sensor};
 
 /// Number of revisions up to which all beliefs of a trace are formed again. Chosen: a replay folds
 /// a session from its beginning.
@@ -81,13 +85,15 @@ impl Live {
         Ok(next_touches(session, length, &ranking, &question))
     }
 
-    /// Compares the belief with the true object; `None` is an object outside the catalogue.
-    pub(crate) async fn judge(&self, truth: Option<usize>) -> Result<wire::Truth, LiveError> {
+    /// Compares the belief with the truth.
+    pub(crate) async fn judge(&self, told: ToldTruth) -> Result<wire::Truth, LiveError> {
+        let truth = told.object;
         let mut state = self.turns.insist().await;
         let length = self.length()?;
         let place = self.tools.pool.place()?;
         let folding = self.folding(Vec::new());
-        let answer = self.ask(&mut state, folding, place, length, answer(0)).await?;
+        let poses = told.session_from_object.map_or(0, |_| POSES);
+        let answer = self.ask(&mut state, folding, place, length, answer(poses)).await?;
         let probability = match truth {
             Some(object) => answer.probabilities[object],
             None => answer.unknown,
@@ -96,13 +102,30 @@ impl Live {
         let others = others.filter(|(object, _)| Some(*object) != truth).map(|(_, p)| *p);
         let unknown = truth.map(|_| answer.unknown);
         let was_right = others.chain(unknown).all(|other| probability > other);
+        let errors =
+            told.session_from_object.and_then(|pose| self.pose_errors(&answer, told, pose));
         let object = truth.map(|object| &self.model.objects[object]);
         Ok(wire::Truth {
             object: object.map(|object| object.id),
             name: object.map(|object| object.name.clone()),
             probability,
             was_right,
+            pose: told.session_from_object.map(|pose| sensor::pose(&pose)),
+            position_error: errors.map(|(position, _)| position),
+            angle_error: errors.map(|(_, angle)| angle),
         })
+    }
+
+    /// How far the likeliest pose of the true object is from its true pose: metres and radians, up
+    /// to its symmetry. `None` if the belief has no pose of it.
+    fn pose_errors(&self, answer: &Answer, told: ToldTruth, pose: Pose) -> Option<(f64, f64)> {
+        let object = told.object?;
+        let mode = answer.modes.iter().find(|mode| mode.object.0 as usize == object)?;
+        let known = self.model.symmetries.get(object);
+        let method = options(&self.session).method;
+        let none = Symmetry::NONE;
+        let symmetry = known.filter(|_| knows_symmetry(method)).unwrap_or(&none);
+        Some(symmetry.distance(&mode.session_from_object, &pose))
     }
 
     /// The answer after the session's end, which nothing waits for.

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use palpate_core::pose::Pose;
 use palpate_schemas as wire;
 use palpate_store::entity::Session;
 use thiserror::Error;
@@ -9,6 +10,7 @@ use uuid::Uuid;
 
 use crate::model::Model;
 use crate::wire::Invalid;
+use crate::wire::reading::pose;
 use crate::wire::session::{TTL_MAX, options, written};
 use crate::wire::{NONE_OF_THESE, time, within};
 
@@ -94,46 +96,66 @@ pub(crate) fn opened_by(session: &Session) -> Option<Uuid> {
     options(session).opened_by
 }
 
-/// A session whose object is known to have been another one.
+/// A session whose object or pose is known to have been another one.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[error("session {session} was already closed with {before:?} as the truth")]
+#[error("session {session} was already closed with {before} as the truth")]
 pub(crate) struct OtherTruth {
     session: Uuid,
     before: String,
 }
 
-/// Records a session's true object; whether it was unknown before.
-pub(crate) fn set_truth(session: &mut Session, truth: &wire::Truth) -> Result<bool, OtherTruth> {
-    let mut options = options(session);
-    match &options.truth {
-        Some(before) if before.object == truth.object => Ok(false),
-        Some(before) => Err(OtherTruth {
-            session: session.id,
-            before: before.name.clone().unwrap_or_else(|| NONE_OF_THESE.to_owned()),
-        }),
-        None => {
-            options.truth = Some(truth.clone());
-            session.options = written(&options);
-            Ok(true)
-        }
-    }
+/// The truth about a session, as a client states it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct ToldTruth {
+    /// Index of the object in the model; `None` for an object outside the catalogue.
+    pub(crate) object: Option<usize>,
+    /// Pose of its frame.
+    pub(crate) session_from_object: Option<Pose>,
 }
 
-/// The true object stated by a client: its index in the model, `None` for an object outside
-/// the catalogue. `Ok(None)` when none is stated.
+/// Records a session's true object, and its pose if that was not known; whether the object was
+/// unknown before.
+pub(crate) fn set_truth(session: &mut Session, truth: &wire::Truth) -> Result<bool, OtherTruth> {
+    let mut options = options(session);
+    let other = |before: String| Err(OtherTruth { session: session.id, before });
+    let is_new = match &options.truth {
+        Some(before) if before.object != truth.object => {
+            return other(format!("{:?}", before.name.as_deref().unwrap_or(NONE_OF_THESE)));
+        }
+        Some(wire::Truth { pose: Some(before), .. }) => {
+            return match truth.pose {
+                Some(pose) if pose != *before => other("another pose".to_owned()),
+                _ => Ok(false),
+            };
+        }
+        Some(_) if truth.pose.is_none() => return Ok(false),
+        Some(_) => false,
+        None => true,
+    };
+    options.truth = Some(truth.clone());
+    session.options = written(&options);
+    Ok(is_new)
+}
+
+/// The truth stated by a client; `Ok(None)` when none is stated.
 pub(crate) fn told_truth(
     asked: &wire::CloseSession,
     model: &Model,
-) -> Result<Option<Option<usize>>, Invalid> {
+) -> Result<Option<ToldTruth>, Invalid> {
+    if asked.pose.is_some() && asked.object.is_none() {
+        let detail = "came without `object`, expected a pose with the object that has it";
+        return Err(Invalid::field("/pose", detail));
+    }
+    let session_from_object = asked.pose.as_ref().map(|given| pose("/pose", given)).transpose()?;
     match (&asked.object, asked.none_of_these.unwrap_or(false)) {
         (None, false) => Ok(None),
-        (None, true) => Ok(Some(None)),
+        (None, true) => Ok(Some(ToldTruth::default())),
         (Some(_), true) => {
             let detail = "came with `object`, expected one of the two";
             Err(Invalid::field("/none_of_these", detail))
         }
         (Some(reference), false) => match model.find(reference) {
-            Some(object) => Ok(Some(Some(object))),
+            Some(object) => Ok(Some(ToldTruth { object: Some(object), session_from_object })),
             None => {
                 let (name, version) = (&model.name, model.version);
                 let detail = format!(

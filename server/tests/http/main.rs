@@ -46,6 +46,7 @@ mod symmetry;
 mod tables;
 mod tls;
 mod training;
+mod truth;
 mod warnings;
 mod who;
 mod words;

@@ -2100,6 +2100,7 @@ export interface components {
              * @example mug
              */
             object?: string | null;
+            pose?: components["schemas"]["Pose"] | null;
         };
         /** @description Closes sessions, without a truth. */
         CloseSessions: {
@@ -5598,6 +5599,12 @@ export interface components {
         };
         /** @description The true object of a session, as a client reported it. */
         Truth: {
+            /**
+             * Format: double
+             * @description Smallest angle between the two, in radians, up to the symmetry of the object that the
+             *     training found.
+             */
+            angle_error?: number | null;
             /** @description Name of the object; null if it was not in the catalogue. */
             name?: string | null;
             /**
@@ -5605,6 +5612,13 @@ export interface components {
              * @description Id of the object; null if it was not in the catalogue.
              */
             object?: string | null;
+            pose?: components["schemas"]["Pose"] | null;
+            /**
+             * Format: double
+             * @description Distance of the believed pose of the true object from its true pose, in metres; null if no
+             *     pose was told or believed.
+             */
+            position_error?: number | null;
             /**
              * Format: double
              * @description Probability that the session's belief gave the true answer.

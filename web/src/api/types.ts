@@ -46,6 +46,7 @@ export type ShadowReport = Schemas["ShadowReport"];
 export type StartTraining = Schemas["StartTraining"];
 export type Storage = Schemas["Storage"];
 export type StoredReading = Schemas["StoredReading"];
+export type Truth = Schemas["Truth"];
 export type Version = Schemas["Version"];
 export type Whoami = Schemas["Whoami"];
 

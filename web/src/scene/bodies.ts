@@ -1,6 +1,6 @@
 // Objects as solids, ghosts and discs, and the points that must be in view.
 import {
-  BufferAttribute, BufferGeometry, CircleGeometry, Color, DoubleSide, Group, InstancedMesh, Matrix4, Mesh,
+  BufferAttribute, BufferGeometry, CircleGeometry, Color, DoubleSide, Group, InstancedMesh, Matrix4, Mesh, MeshBasicMaterial,
   MeshStandardMaterial, Quaternion, Vector3,
 } from "three";
 import type { Object3D } from "three";
@@ -18,16 +18,22 @@ export function drawBody(body: Body, theme: Theme, radius: number, geometry = ge
   const group = new Group();
   const { ghost } = body;
   if (geometry !== undefined && !body.hideMesh) {
-    const mesh = new Mesh(geometry, solidMaterial(ghost ? new Color(ghost.color) : theme.body, ghost?.weight));
-    mesh.userData.solid = ghost === undefined;
+    const color = ghost ? new Color(ghost.color) : theme.body;
+    const mesh = new Mesh(geometry, body.isTruth ? lineMaterial(theme.truth) : solidMaterial(color, ghost?.weight));
+    mesh.userData.solid = ghost === undefined && !body.isTruth;
     group.add(mesh);
   } else if (body.shape.points !== undefined && !body.hideMesh) {
-    const color = ghost?.color ?? `#${theme.body.getHexString()}`;
+    const color = ghost?.color ?? `#${(body.isTruth ? theme.truth : theme.body).getHexString()}`;
     const points = body.shape.points.map((point) => ({ ...point, color: point.color ?? color }));
     group.add(discs(points, radius * 0.045, ghost ? 0.2 + 0.3 * ghost.weight : 1));
   }
   place(group, body.pose);
   return group;
+}
+
+/** The net of a mesh: where it coincides with the believed one both are seen. */
+function lineMaterial(color: Color): MeshBasicMaterial {
+  return new MeshBasicMaterial({ color, wireframe: true, transparent: true, opacity: 0.45, depthWrite: false });
 }
 
 function solidMaterial(color: Color, ghostWeight?: number): MeshStandardMaterial {
@@ -138,7 +144,7 @@ export function facing(position: Vector, normal: Vector, lift: number, scale = 1
 
 /** Outlines of the bodies, except ghosts, and the touches: what must be in view. */
 export function pointsInView(content: Content): Vector[] {
-  const solid = content.bodies.filter((body) => body.ghost === undefined);
+  const solid = content.bodies.filter((body) => body.ghost === undefined && !body.isTruth);
   const points = (solid.length > 0 ? solid : content.bodies).flatMap((body) => outlineOf(body));
   if (solid.length === 0) points.push(...content.patches.map((patch) => patch.position));
   points.push(...content.touches.map((touch) => touch.position));

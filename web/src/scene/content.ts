@@ -15,11 +15,12 @@ export interface SurfacePoint {
   color?: string;
 }
 
-/** An object in a pose; a ghost is an alternative hypothesis. */
+/** An object in a pose; a ghost is an alternative hypothesis, the truth is drawn as lines. */
 export interface Body {
   shape: Shape;
   pose: Pose;
   ghost?: { color: string; weight: number };
+  isTruth?: boolean;
   /** Without a mesh only the points are drawn. */
   hideMesh?: boolean;
 }

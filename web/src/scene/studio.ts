@@ -18,6 +18,7 @@ export interface Theme {
   grid: Color;
   next: Color;
   untouched: Color;
+  truth: Color;
   axes: [string, string, string];
 }
 
@@ -27,7 +28,7 @@ export function themeOf(): Theme {
   const color = (name: string) => new Color(text(name));
   return {
     ground: color("--raised"), panel: text("--raised"), ink: text("--ink"), faint: text("--faint"), body: color("--bar-faint"),
-    grid: color("--line"), next: color("--good"), untouched: color("--untouched"),
+    grid: color("--line"), next: color("--good"), untouched: color("--untouched"), truth: color("--truth"),
     axes: [text("--axis-x"), text("--axis-y"), text("--axis-z")],
   };
 }

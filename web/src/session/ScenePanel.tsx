@@ -3,7 +3,7 @@ import { useEffect, useMemo, useState } from "preact/hooks";
 import { persist } from "../api/resource";
 import type { NextTouch } from "../api/types";
 import { colorsVersion, objectColor } from "../colors";
-import { dark, mm, percent, plural, shortId, signedBits } from "../format";
+import { dark, degrees, mm, percent, plural, shortId, signedBits } from "../format";
 import { Badge, Panel } from "../parts/Panel";
 import type { Shape } from "../scene/content";
 import type { Stage } from "../scene/stage";
@@ -27,10 +27,11 @@ const LAYERS: [keyof Layers, string][] = [
   ["ghosts", "Other hypotheses"],
   ["uncertainty", "Uncertainty"],
   ["untouched", "Not touched"],
+  ["truth", "Truth"],
 ];
 
 export function ScenePanel({ model, selected, select, next }: Props) {
-  const [layers, setLayers] = useState<Layers>({ touches: true, faded: true, ghosts: true, uncertainty: false, untouched: false });
+  const [layers, setLayers] = useState<Layers>({ touches: true, faded: true, ghosts: true, uncertainty: false, untouched: false, truth: true });
   const [hovered, setHovered] = useState<number>();
   const [share, setShare] = useState<number>();
   const [stage, setStage] = useState<Stage>();
@@ -38,14 +39,15 @@ export function ScenePanel({ model, selected, select, next }: Props) {
   const belief = model.shown.value;
   const revision = model.shownRevision.value;
   const isStale = model.isStale.value;
+  const truth = model.session.value?.truth ?? undefined;
   const readings = model.readings.value;
   const tints = model.tints.value;
   const sensors = model.sensors.value;
   const isDark = dark.value;
   const colors = colorsVersion();
   const content = useMemo(
-    () => contentOf({ belief, revision, readings, tints, sensors, shapes, next, layers }),
-    [belief, revision, readings, tints, sensors, shapes, next, layers, isDark, colors],
+    () => contentOf({ belief, truth, revision, readings, tints, sensors, shapes, next, layers }),
+    [belief, truth, revision, readings, tints, sensors, shapes, next, layers, isDark, colors],
   );
   const isEmpty = belief !== undefined && belief.poses.length === 0 && content.touches.length === 0;
   const best = belief?.poses[0];
@@ -74,7 +76,7 @@ export function ScenePanel({ model, selected, select, next }: Props) {
         note={`frame ${model.session.value?.frame_id ?? "of the session"} · drag, two fingers or arrow keys rotate · + and −, or Ctrl and the wheel, zoom`}
         {...(isEmpty ? { empty: nothing(model) } : {})} />
       <div class="layers" role="group" aria-label="Layers">
-        {LAYERS.map(([layer, name]) => (
+        {LAYERS.filter(([layer]) => layer !== "truth" || truth?.pose).map(([layer, name]) => (
           <button key={layer} type="button" class="small" aria-pressed={layers[layer]} onClick={() => setLayers((before) => ({ ...before, [layer]: !before[layer] }))}>
             {name}
           </button>
@@ -118,8 +120,10 @@ function Keys({ model, layers, share, hasNext }: { model: SessionModel; layers: 
       {truth && (
         <span class="key">
           <Badge kind={truth.was_right ? "good" : "bad"}>it was {truth.name ?? "none of the known objects"}</Badge> believed with {percent(truth.probability)}
+          {typeof truth.position_error === "number" && typeof truth.angle_error === "number" && `, ${mm(truth.position_error)} and ${degrees(truth.angle_error)} off at its end`}
         </span>
       )}
+      {layers.truth && truth?.pose && <span class="key"><span class="dot dot-truth" aria-hidden="true" />net: the object where it truly is</span>}
     </div>
   );
 }
@@ -149,7 +153,10 @@ function nothing(model: SessionModel): string {
 function useShapes(model: SessionModel): Map<string, Shape> {
   const [shapes, setShapes] = useState(new Map<string, Shape>());
   const version = model.version.value;
-  const wanted = [...new Set((model.shown.value?.poses ?? []).slice(0, 5).map((pose) => pose.object))].sort().join();
+  const truth = model.session.value?.truth;
+  const trueObject = truth?.pose && truth.object ? [truth.object] : [];
+  const believed = (model.shown.value?.poses ?? []).slice(0, 5).map((pose) => pose.object);
+  const wanted = [...new Set([...believed, ...trueObject])].sort().join();
   useEffect(() => {
     if (version === undefined) return;
     const abort = new AbortController();

@@ -1,5 +1,5 @@
 // Content of the session's scene: the likeliest object, ghosts, touches and suggested approaches.
-import type { Belief, NextTouch, Sensor, SessionReading } from "../api/types";
+import type { Belief, NextTouch, Sensor, SessionReading, Truth } from "../api/types";
 import { objectColor } from "../colors";
 import { bitsColor } from "../format";
 import type { ApproachMark, Body, Content, Shape, TouchMark } from "../scene/content";
@@ -10,6 +10,7 @@ const GHOST_WEIGHT_MIN = 0.02;
 
 export interface Seen {
   belief: Belief | undefined;
+  truth: Truth | undefined;
   revision: number;
   readings: SessionReading[];
   /** Colour values by reading number. */
@@ -29,6 +30,8 @@ export interface Layers {
   uncertainty: boolean;
   /** Whether the surface that was not touched is tinted. */
   untouched: boolean;
+  /** Whether the object is drawn in its true pose as well, where that was told. */
+  truth: boolean;
 }
 
 /** Touches drawn at full strength, those that grow fainter before them, and the strength of the oldest. */
@@ -46,7 +49,7 @@ export function contentOf(seen: Seen): Content {
   const all = touches(seen);
   const best = belief?.poses[0];
   return {
-    bodies: bodies(seen),
+    bodies: [...bodies(seen), ...(layers.truth ? trueBody(seen) : [])],
     touches: layers.touches ? all : [],
     approaches: seen.next.map(approach),
     patches: [],
@@ -64,6 +67,12 @@ function bodies({ belief, shapes, layers: { ghosts } }: Seen): Body[] {
     if (!ghosts || hypothesis.weight < GHOST_WEIGHT_MIN) return [];
     return [{ shape, pose: hypothesis.pose, ghost: { color: objectColor(hypothesis.name), weight: hypothesis.weight } }];
   });
+}
+
+/** The true object in its true pose, if a client told both. */
+function trueBody({ truth, shapes }: Seen): Body[] {
+  const shape = truth?.object ? shapes.get(truth.object) : undefined;
+  return truth?.pose && shape ? [{ shape, pose: truth.pose, isTruth: true }] : [];
 }
 
 /** Whether a reading counts at a revision: arrived and not retracted. */

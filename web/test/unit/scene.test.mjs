@@ -145,12 +145,12 @@ test("the newest touches are plain, older ones ever fainter", () => {
 const sensor = { id: "pad", description: { grid: { rows: 6, cols: 8, pitch: 0.002 } } };
 const contact = (number) => ({ number, sensor: "pad", retracted_by: null, contact: { position: [number, 0, 0], normal: [1, 0, 0], touched: number !== 1 } });
 const pose = { object: "mug", name: "mug", weight: 1, pose: { position: [0, 0, 0], orientation: [0, 0, 0, 1] }, covariance: covariance(NONE, NONE) };
-const LAYERS = { touches: true, faded: true, ghosts: true, uncertainty: false, untouched: false };
+const LAYERS = { touches: true, faded: true, ghosts: true, uncertainty: false, untouched: false, truth: true };
 
-function shown(layers) {
+function shown(layers, truth) {
   const readings = Array.from({ length: 20 }, (_, i) => contact(i));
   return contentOf({
-    belief: { poses: [pose, { ...pose, weight: 0.3 }, { ...pose, weight: 0.01 }] }, revision: 18, readings, tints: new Map(), next: [],
+    belief: { poses: [pose, { ...pose, weight: 0.3 }, { ...pose, weight: 0.01 }] }, truth, revision: 18, readings, tints: new Map(), next: [],
     sensors: new Map([["pad", sensor]]), shapes: new Map([["mug", { id: "mug" }]]), layers: { ...LAYERS, ...layers },
   });
 }
@@ -177,4 +177,15 @@ test("layers are drawn when they are chosen", () => {
   assert.equal(shown({ ghosts: false }).bodies.length, 1);
   assert.equal(shown({}).uncertain, undefined);
   assert.equal(shown({ uncertainty: true }).uncertain.covariance, pose.covariance);
+});
+
+test("the true object is drawn where it truly is, if both were told", () => {
+  const there = { position: [0.1, 0, 0], orientation: [0, 0, 0, 1] };
+  const drawn = (truth, layers = {}) => shown(layers, truth).bodies.filter((body) => body.isTruth).map((body) => body.pose);
+  assert.deepEqual(drawn({ object: "mug", pose: there }), [there]);
+  assert.deepEqual(drawn({ object: "mug", pose: there }, { truth: false }), []);
+  assert.deepEqual(drawn({ object: "mug" }), []);
+  assert.deepEqual(drawn({ object: null }), []);
+  assert.deepEqual(drawn({ object: "cup", pose: there }), [], "its shape is not there yet");
+  assert.deepEqual(drawn(undefined), []);
 });
