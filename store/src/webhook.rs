@@ -233,14 +233,8 @@ impl Deliveries {
     /// The engine's.
     pub fn all(&self) -> Result<Vec<Delivery>, StoreError> {
         let (prefix, limit) = (key::space(Space::Delivery), Limit::records(usize::MAX));
-        let records = pieces::scan(
-            &*self.engine,
-            Space::Delivery,
-            &prefix,
-            DELIVERY_KEY_BYTES,
-            None,
-            limit,
-        )?;
+        let records =
+            pieces::scan(&*self.engine, Space::Delivery, &prefix, DELIVERY_KEY_BYTES, None, limit)?;
         let mut found = Vec::with_capacity(records.len());
         for (_, bytes) in &records {
             match decoded(bytes) {
@@ -283,9 +277,8 @@ impl Deliveries {
     /// The engine's.
     pub async fn forget(&self, sessions: &[Uuid]) -> Result<(), StoreError> {
         for sessions in sessions.chunks(NOTICES_PER_COMMIT) {
-            let remove = |commit: Commit, session: &Uuid| {
-                commit.remove(key::id(Space::Notice, *session))
-            };
+            let remove =
+                |commit: Commit, session: &Uuid| commit.remove(key::id(Space::Notice, *session));
             let commit = sessions.iter().fold(Commit::new(), remove);
             self.engine.commit(commit).await.map_err(unconditional)?;
         }

@@ -96,7 +96,10 @@ pub(super) fn words(key: &[u8]) -> String {
     };
     match (key.first(), key.len()) {
         (Some(b'!' | b'y'), 1) => "of the whole".to_owned(),
-        (Some(b's' | b'o' | b'm' | b'T' | b'j' | b'e' | b'R' | b'c' | b'a' | b'W' | b'N'), 17..) => id(1),
+        (
+            Some(b's' | b'o' | b'm' | b'T' | b'j' | b'e' | b'R' | b'c' | b'a' | b'W' | b'N'),
+            17..,
+        ) => id(1),
         (Some(b't' | b'r' | b'x'), 25..) => format!("{} entry {}", id(1), number(17)),
         (Some(b'v' | b'k' | b'i'), 25..) => format!("{} number {}", id(1), number(17)),
         (Some(b'l' | b'd' | b'q'), 9..) => format!("number {}", number(1)),
