@@ -47,6 +47,10 @@ export type StartTraining = Schemas["StartTraining"];
 export type Storage = Schemas["Storage"];
 export type StoredReading = Schemas["StoredReading"];
 export type Version = Schemas["Version"];
+export type Webhook = Schemas["Webhook"];
+export type WebhookDelivery = Schemas["WebhookDelivery"];
+export type WebhookEventType = Schemas["WebhookEventType"];
+export type NewWebhook = Schemas["NewWebhook"];
 export type Whoami = Schemas["Whoami"];
 
 /** A page of a list. */
