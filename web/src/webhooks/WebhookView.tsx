@@ -3,12 +3,12 @@ import { useState } from "preact/hooks";
 import { getAll, getJson, sendJson } from "../api/http";
 import { useResource } from "../api/resource";
 import type { Webhook, WebhookDelivery } from "../api/types";
-import { duration, when } from "../format";
+import { when } from "../format";
 import { Empty, ProblemNote, Show } from "../parts/Notes";
 import { Badge, Facts, Panel, ViewHead } from "../parts/Panel";
 import { useAction } from "../parts/useAction";
 import { link } from "../router";
-import { deliveryState, hostOf, lastAnswer, pretty, webhookState } from "./words";
+import { answerOf, deliveryState, hostOf, lastAnswer, pretty, webhookState } from "./words";
 
 /** As many as the server keeps. */
 const DELIVERIES_MAX = 200;
@@ -101,7 +101,7 @@ function Delivery({ path, delivery, onChanged }: { path: string; delivery: Webho
           <button type="button" class="small" aria-expanded={isOpen} aria-label={`Details of ${name}`} onClick={() => setOpen(!isOpen)}>
             Details
           </button>
-          <button type="button" class="small" disabled={action.busy} aria-label={`Deliver ${name} again`} onClick={again}>
+          <button type="button" class="small" disabled={action.busy} aria-label={`Deliver again: ${name}`} onClick={again}>
             Deliver again
           </button>
         </td>
@@ -116,7 +116,7 @@ function Delivery({ path, delivery, onChanged }: { path: string; delivery: Webho
                 <ol>
                   {delivery.attempts.map((attempt) => (
                     <li key={attempt.at}>
-                      {when(attempt.at)}: {attempt.error ?? attempt.status} after {duration(attempt.duration_ms / 1000)}
+                      {when(attempt.at)}: {answerOf(attempt)}
                     </li>
                   ))}
                 </ol>

@@ -141,7 +141,7 @@ function CreateDialog(props: { onMade: (made: NewWebhook) => void; onClose: () =
       <form onSubmit={submit}>
         <div class="field">
           <label for="webhook-url">URL</label>
-          <input id="webhook-url" type="url" required maxlength={2048} value={url} placeholder="https://mes.example/touch" onInput={(event) => setUrl(event.currentTarget.value)} />
+          <input id="webhook-url" type="text" inputMode="url" required maxlength={2048} value={url} placeholder="https://mes.example/touch" onInput={(event) => setUrl(event.currentTarget.value)} />
         </div>
         <div class="field">
           <label for="webhook-description">Description</label>

@@ -38,7 +38,13 @@ export function deliveryState(delivery: WebhookDelivery): Words {
 export function lastAnswer(delivery: WebhookDelivery): string {
   const last = delivery.attempts.at(-1);
   if (!last) return "no attempt yet";
-  return `${last.error ?? last.status} after ${duration(last.duration_ms / 1000)}`;
+  return answerOf(last);
+}
+
+/** The outcome of an attempt and the time that it took. */
+export function answerOf(attempt: WebhookDelivery["attempts"][number]): string {
+  const took = attempt.duration_ms < 1000 ? `${attempt.duration_ms} ms` : duration(attempt.duration_ms / 1000);
+  return `${attempt.error ?? attempt.status} after ${took}`;
 }
 
 /** The host of a URL: paths may hold secrets of the receiver. */

@@ -23,7 +23,7 @@ test("a delivery says what comes next and what the receiver answered", () => {
   assert.match(lastAnswer(delivery), /^the receiver answered 500 after /);
   const done = { state: "delivered", next_attempt_at: null, attempts: [attempt, { ...attempt, status: 204, error: null }] };
   assert.deepEqual(deliveryState(done), ["good", "delivered"]);
-  assert.match(lastAnswer(done), /^204 after /);
+  assert.equal(lastAnswer(done), "204 after 12 ms");
   assert.equal(lastAnswer({ ...done, attempts: [] }), "no attempt yet");
   assert.deepEqual(deliveryState({ ...done, state: "abandoned" })[0], "bad");
 });
