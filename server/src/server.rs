@@ -56,6 +56,7 @@ pub struct Server {
     serving: JoinHandle<()>,
     working: JoinHandle<()>,
     delivering: JoinHandle<()>,
+    webhooks: Arc<Webhooks>,
     sessions: Arc<Sessions>,
     audit: Arc<Audit>,
     engine: Arc<SledEngine>,
@@ -197,23 +198,15 @@ impl Server {
         }
         let time_keeper = Arc::clone(&keys);
         let checked = store.clone();
-        let session_kept = config.session_kept;
         let (app, jobs) = assemble(config, store, keys, stopping.clone()).await?;
         let checked_catalogues = Arc::clone(&app.catalogues);
         let sessions = Arc::clone(&app.sessions);
-        tokio::spawn(telemetry::tidy(stopping.clone()));
+        look_after(&app, &stopping);
         let working = tokio::spawn(jobs.work(stopping.clone()));
-        let delivering = tokio::spawn(Arc::clone(&app.webhooks).work(stopping.clone()));
-        tokio::spawn(Arc::clone(&sessions).watch(stopping.clone()));
-        tokio::spawn(Arc::clone(&sessions).keep_health(stopping.clone()));
-        tokio::spawn(Arc::clone(&sessions).keep_watch(stopping.clone()));
+        let webhooks = Arc::clone(&app.webhooks);
+        let delivering = tokio::spawn(Arc::clone(&webhooks).work(stopping.clone()));
         let audit = Arc::clone(&app.audit);
-        tokio::spawn(Arc::clone(&audit).keep(stopping.clone()));
         tokio::spawn(time_keeper.keep_time(stopping.clone()));
-        tokio::spawn(Arc::clone(&app.storage).watch(stopping.clone()));
-        if let Some(keep) = session_kept {
-            tokio::spawn(Arc::clone(&sessions).forget(keep, stopping.clone()));
-        }
         integrity::check(checked, checked_catalogues, stopping.clone())?;
         let door = Door {
             listener,
@@ -232,6 +225,7 @@ impl Server {
             serving,
             working,
             delivering,
+            webhooks,
             sessions,
             audit,
             engine,
@@ -279,6 +273,8 @@ impl Server {
         if (&mut self.delivering).await.is_err() {
             tracing::error!("The worker of webhooks panicked");
         }
+        self.webhooks.store_rest().await;
+        drop(self.webhooks);
         self.audit.store().await;
         drop(self.audit);
         let sessions = self.sessions;
@@ -287,6 +283,20 @@ impl Server {
         }
         close(self.engine).await;
         tracing::info!("Stopped");
+    }
+}
+
+/// Starts the tasks that look after sessions, figures, the audit log and the disk until the stop.
+fn look_after(app: &App, stopping: &watch::Receiver<bool>) {
+    let sessions = || Arc::clone(&app.sessions);
+    tokio::spawn(telemetry::tidy(stopping.clone()));
+    tokio::spawn(sessions().watch(stopping.clone()));
+    tokio::spawn(sessions().keep_health(stopping.clone()));
+    tokio::spawn(sessions().keep_watch(stopping.clone()));
+    tokio::spawn(Arc::clone(&app.audit).keep(stopping.clone()));
+    tokio::spawn(Arc::clone(&app.storage).watch(stopping.clone()));
+    if let Some(keep) = app.config.session_kept {
+        tokio::spawn(sessions().forget(keep, stopping.clone()));
     }
 }
 

@@ -12,7 +12,11 @@ use crate::support::{Server, stderr, stdout};
 
 /// Answers one POST after another with these statuses; the receiver of the bodies, and its URL.
 fn receiver(statuses: &'static [&'static str]) -> (String, Receiver<String>) {
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    receiver_at("127.0.0.1:0", statuses)
+}
+
+fn receiver_at(address: &str, statuses: &'static [&'static str]) -> (String, Receiver<String>) {
+    let listener = TcpListener::bind(address).unwrap();
     let url = format!("http://{}/hook", listener.local_addr().unwrap());
     let (sender, bodies) = channel();
     std::thread::spawn(move || {
@@ -77,4 +81,33 @@ fn a_webhook_is_made_tested_repaired_and_deleted() {
     assert_eq!(run(&format!("test {id}")).status.code(), Some(1));
     assert!(stdout(&run(&format!("delete {id}"))).contains("deleted"));
     assert_eq!(json(&run("list --json"))["items"], Value::Array(vec![]));
+}
+
+#[test]
+fn an_event_survives_a_killed_server() {
+    let folder = TempDir::new().unwrap();
+    let data = folder.path().join("data");
+    let server = Server::start(&data, "--webhook-allow-private");
+    let address = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let create = format!("webhooks create http://{address}/hook --events snapshot.made --json");
+    let made = json(&server.run("", &create));
+    let deliveries =
+        format!("webhooks deliveries {} --json", made["webhook"]["id"].as_str().unwrap());
+    let file = folder.path().join("monday.snapshot");
+    assert!(server.run("", &format!("snapshot create {}", file.display())).status.success());
+    let waiting = loop {
+        let listed = json(&server.run("", &deliveries));
+        match listed["items"][0]["state"].as_str() {
+            Some("failed") => break listed["items"][0].clone(),
+            Some("pending") | None => std::thread::sleep(std::time::Duration::from_millis(50)),
+            Some(other) => panic!("{other}: {listed}"),
+        }
+    };
+    // With the signal that no process can catch.
+    drop(server);
+    let (_, bodies) = receiver_at(&address.to_string(), &["200 OK"]);
+    let server = Server::start(&data, "--webhook-allow-private");
+    let body = bodies.recv_timeout(std::time::Duration::from_secs(60)).unwrap();
+    assert_eq!(waiting["body"], body.as_str());
+    drop(server);
 }

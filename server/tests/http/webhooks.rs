@@ -290,6 +290,18 @@ async fn a_reading_does_not_wait_for_a_webhook() {
     assert!(begun.elapsed() < Duration::from_secs(5));
 }
 
+#[tokio::test(flavor = "multi_thread")]
+async fn a_decision_before_a_close_and_a_stop_is_told() {
+    let it = Harness::trained_with(here).await;
+    let mut receiver = Receiver::start().await;
+    receiver.subscribe(&it, &["session.decided"]).await;
+    let session = it.session(json!({"risk": 0.2})).await;
+    touch(&it, &session, BAR, 12, 5).await;
+    it.post(&format!("/v1/sessions/{session}/close"), &json!({})).await.expect(200);
+    let _it = it.restart_with(here).await;
+    assert_eq!(receiver.next().await.json()["data"]["session"]["id"], json!(session));
+}
+
 fn uuid() -> &'static str {
     "00000000-0000-0000-0000-000000000001"
 }

@@ -66,6 +66,13 @@ impl Webhooks {
         sending.shutdown().await;
     }
 
+    /// Stores what is still to be told, after the last request of a server that stops.
+    pub(crate) async fn store_rest(&self) {
+        if let Err(error) = self.tell(self.notices.take()).await {
+            tracing::error!("Cannot store what webhooks are to be told: {error}");
+        }
+    }
+
     /// Updates the metrics.
     pub(crate) fn measure(&self) {
         let now = now_ms();
@@ -105,7 +112,10 @@ impl Webhooks {
     async fn try_once(&self, id: Uuid, event: Uuid) -> Result<(), StoreError> {
         let webhook = self.read(|book| book.0.get(&id).map(|known| known.webhook.clone()));
         let delivery = self.store.deliveries().find(id, event)?;
-        let (Some(webhook), Some(delivery)) = (webhook, delivery) else { return Ok(()) };
+        let (Some(webhook), Some(delivery)) = (webhook, delivery) else {
+            self.write(|book| book.0.get_mut(&id).map(|known| known.entries.remove(&event)));
+            return Ok(());
+        };
         let (at_ms, begun) = (now_ms(), Instant::now());
         let sent = self.sender.send(message(&webhook, &delivery, at_ms)).await;
         let took_ms = u32::try_from(begun.elapsed().as_millis()).unwrap_or(u32::MAX);
