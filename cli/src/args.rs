@@ -11,7 +11,7 @@ use crate::commands::{
     load::LoadArgs, maps::MapsArgs, migrate::MigrateArgs, next_touch::NextTouchArgs,
     objects::ObjectsArgs, report::ReportArgs, robots::RobotsArgs, sensors::SensorsArgs,
     serve::ServeArgs, sessions::SessionsArgs, snapshot::SnapshotArgs, touch::TouchArgs,
-    train::TrainArgs,
+    train::TrainArgs, webhooks::WebhooksArgs,
 };
 
 const EXAMPLES: &str = "\
@@ -138,6 +138,8 @@ pub(crate) enum Command {
     Keys(KeysArgs),
     /// Show which key holds each robot name.
     Robots(RobotsArgs),
+    /// Manage webhooks: signed events for other programs.
+    Webhooks(WebhooksArgs),
     /// Check that the server is ready; the exit code tells supervisors.
     Health,
     /// Show the key and role that the server sees.
@@ -250,6 +252,9 @@ mod tests {
         "palpate robots list",
         "palpate robots bind arm-3 --to arm-3-new",
         "palpate robots release arm-3",
+        "palpate webhooks create https://mes.example/x --events session.decided,snapshot.made",
+        "palpate webhooks deliveries 0198a0d0-0000-7000-8000-000000000000 --failed -n 5",
+        "palpate serve --webhook-allow-private",
         "palpate audit --ring refused",
         "palpate whoami --key palpate_x --ca ca.pem",
         "palpate whoami --key-file admin.key",
@@ -290,6 +295,8 @@ mod tests {
             "palpate keys create arm-3",
             "palpate keys create arm-3 --role boss",
             "palpate robots bind arm-3",
+            "palpate webhooks create https://mes.example/x",
+            "palpate webhooks create https://mes.example/x --events ping",
             "palpate audit --ring all",
             "palpate explore",
             "palpate next-touch",

@@ -31,6 +31,7 @@ pub(crate) mod snapshot;
 pub(crate) mod storage;
 pub(crate) mod touch;
 pub(crate) mod train;
+pub(crate) mod webhooks;
 
 use palpate_client::Client;
 

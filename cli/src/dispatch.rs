@@ -7,7 +7,7 @@ use crate::args::{Cli, Command};
 use crate::commands::{
     Context, analyses, audit, catalogues, compact, config, demo, experiment, explore, fleet, fsck,
     health, jobs, keys, letters, load, maps, migrate, next_touch, objects, openapi, report, robots,
-    sensors, serve, sessions, snapshot, storage, touch, train,
+    sensors, serve, sessions, snapshot, storage, touch, train, webhooks,
 };
 use crate::output::Output;
 
@@ -58,6 +58,7 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Load(args) => load::run(args, &context()?).await,
         Command::Keys(args) => keys::run(args, &context()?).await,
         Command::Robots(args) => robots::run(args, &context()?).await,
+        Command::Webhooks(args) => webhooks::run(args, &context()?).await,
         Command::Health => health::run(&context()?).await,
         Command::Whoami => keys::whoami(&context()?).await,
         Command::Audit(args) => audit::run(args, &context()?).await,

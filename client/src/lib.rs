@@ -30,6 +30,7 @@ mod keys;
 mod compactions;
 mod snapshots;
 mod storage;
+mod webhooks;
 mod history;
 mod sessions;
 mod fleet;

@@ -1,4 +1,4 @@
-"""Operations of those who run a fleet: labels, aliases, alarms, keys, the audit log, comparisons.
+"""Operations of those who run a fleet: labels, aliases, alarms, keys, webhooks, comparisons.
 
 They belong to `Client` and `AsyncClient` like those of `operations.py`.
 """
@@ -20,6 +20,7 @@ from palpate.steps import (
     get,
     operation,
     pages,
+    patch,
     post,
     put,
 )
@@ -128,6 +129,68 @@ class Administration:
     def revoke_key(self, key: str) -> Steps[None]:
         """Revokes a key at once."""
         return ask_for_nothing(delete("v1", "keys", key))
+
+    @operation
+    def webhooks(self) -> Steps[list[Document]]:
+        """Returns all webhooks, without their secrets."""
+        return pages(get("v1", "webhooks"), same)
+
+    @operation
+    def webhook(self, webhook: str) -> Steps[Document]:
+        """Returns a webhook."""
+        return ask(get("v1", "webhooks", webhook), same)
+
+    @operation
+    def create_webhook(
+        self,
+        url: str,
+        events: Sequence[str],
+        *,
+        description: str | None = None,
+        secret: str | None = None,
+    ) -> Steps[Document]:
+        """Creates a webhook, to which events are posted; the `secret` is shown only here."""
+        document = {
+            "url": url,
+            "events": list(events),
+            "description": description,
+            "secret": secret,
+        }
+        return ask(post("v1", "webhooks").with_json(document), same)
+
+    @operation
+    def update_webhook(self, webhook: str, /, **changes: Any) -> Steps[Document]:
+        """Changes a webhook: `url`, `events`, `description`, `enabled`."""
+        return ask(patch("v1", "webhooks", webhook).with_json(changes), same)
+
+    @operation
+    def rotate_webhook_secret(
+        self, webhook: str, *, secret: str | None = None, grace_s: int | None = None
+    ) -> Steps[Document]:
+        """Gives a webhook another secret; the previous one signs as well for `grace_s` seconds."""
+        document = {"secret": secret, "grace_s": grace_s}
+        return ask(post("v1", "webhooks", webhook, "rotate").with_json(document), same)
+
+    @operation
+    def delete_webhook(self, webhook: str) -> Steps[None]:
+        """Deletes a webhook with its history."""
+        return ask_for_nothing(delete("v1", "webhooks", webhook))
+
+    @operation
+    def test_webhook(self, webhook: str) -> Steps[Document]:
+        """Sends a test message; returns its delivery with the receiver's answer."""
+        return ask(post("v1", "webhooks", webhook, "test"), same)
+
+    @operation
+    def webhook_deliveries(self, webhook: str) -> Steps[list[Document]]:
+        """Returns the newest deliveries to a webhook, newest event first."""
+        return pages(get("v1", "webhooks", webhook, "deliveries"), same)
+
+    @operation
+    def redeliver_webhook(self, webhook: str, event: str) -> Steps[Document]:
+        """Delivers an event again."""
+        path = ("v1", "webhooks", webhook, "deliveries", event, "redeliver")
+        return ask(post(*path), same)
 
     @operation
     def audit(self, /, **search: str) -> Steps[list[Document]]:

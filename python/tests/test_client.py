@@ -269,6 +269,23 @@ def test_the_fleet_is_read_and_closed(client: Client, trained: str, felt: Readin
     assert session.id not in {one["session"]["id"] for one in client.fleet()["sessions"]}
 
 
+def test_webhooks_are_made_tested_and_deleted(client: Client) -> None:
+    made = client.create_webhook("https://localhost:9/hook", ["session.decided"], description="x")
+    assert made["secret"].startswith("whsec_")
+    webhook = made["webhook"]["id"]
+    assert client.rotate_webhook_secret(webhook, grace_s=60)["secret"] != made["secret"]
+    # The server was not started with `--webhook-allow-private`.
+    tested = client.test_webhook(webhook)
+    assert tested["state"] == "abandoned"
+    assert "private" in tested["attempts"][0]["error"]
+    assert [one["type"] for one in client.webhook_deliveries(webhook)] == ["ping"]
+    client.redeliver_webhook(webhook, tested["id"])
+    assert client.update_webhook(webhook, enabled=False)["enabled"] is False
+    assert client.webhook(webhook)["description"] == "x"
+    client.delete_webhook(webhook)
+    assert client.webhooks() == []
+
+
 def test_keys_are_made_rotated_and_revoked(client: Client) -> None:
     made = client.create_key("python-arm", "robot", expires_in_s=3600)
     assert made["secret"].startswith("palpate_")

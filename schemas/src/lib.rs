@@ -36,6 +36,7 @@ pub mod recalibration;
 pub mod shadow;
 pub mod training;
 pub mod job;
+pub mod webhook;
 
 pub use access::{
     ApiKey, ApiKeyPage, AuditEntry, AuditPage, AuditQuery, AuditRing, BindRobot, CreateKey,
@@ -117,6 +118,11 @@ pub use training::{
     SkippedObject, StartTraining, SurfaceReport, TrainingReport,
 };
 pub use warning::{Warning, WarningCode};
+pub use webhook::{
+    CreateWebhook, NewWebhook, RotateWebhookSecret, UpdateWebhook, Webhook, WebhookAttempt,
+    WebhookDelivery, WebhookDeliveryPage, WebhookDeliveryState, WebhookEvent, WebhookEventData,
+    WebhookEventType, WebhookJob, WebhookPage, WebhookSnapshot,
+};
 
 /// The OpenAPI description of these types.
 pub const OPENAPI_JSON: &str = include_str!("../openapi.json");

@@ -42,6 +42,9 @@ fn examples_parse_and_are_complete() {
     check::<wire::ShadowVersion>(include_str!("../examples/shadow_version.json"));
     check::<wire::StartTraining>(include_str!("../examples/start_training.json"));
     check::<wire::UpdateObject>(include_str!("../examples/update_object.json"));
+    check::<wire::RotateWebhookSecret>(include_str!("../examples/rotate_webhook_secret.json"));
+    check::<wire::UpdateWebhook>(include_str!("../examples/update_webhook.json"));
+    check::<wire::CreateWebhook>(include_str!("../examples/create_webhook.json"));
 }
 
 #[test]

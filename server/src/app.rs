@@ -26,6 +26,7 @@ use crate::services::objects::Objects;
 use crate::services::sensors::Sensors;
 use crate::services::sessions::Sessions;
 use crate::services::storage::Storage;
+use crate::services::webhooks::Webhooks;
 
 /// The state of the handlers. Cheap to clone.
 #[derive(Clone)]
@@ -45,6 +46,7 @@ pub(crate) struct Parts {
     pub(crate) jobs: Arc<Jobs>,
     pub(crate) sessions: Arc<Sessions>,
     pub(crate) keys: Arc<Keys>,
+    pub(crate) webhooks: Arc<Webhooks>,
     pub(crate) audit: Arc<Audit>,
     pub(crate) operations: Operations,
     pub(crate) storage: Arc<Storage>,
@@ -123,6 +125,7 @@ impl App {
         metrics::gauge!("palpate_jobs_unfinished").set(self.jobs.n_unfinished() as f64);
         metrics::gauge!("palpate_compute_places_free").set(self.pool.n_free() as f64);
         self.sensors.health().measure();
+        self.webhooks.measure();
         let n_damaged = self.catalogues.n_damaged() as f64;
         metrics::gauge!("palpate_versions_damaged").set(n_damaged);
         let memory = [

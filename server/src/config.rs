@@ -125,6 +125,10 @@ pub struct Config {
     pub session_readings_max: usize,
     /// Maximum number of training readings of one object.
     pub object_readings_max: usize,
+    /// Permits webhooks of this machine and of private networks, and unencrypted ones.
+    pub webhook_allow_private: bool,
+    /// Pauses between the attempts of a delivery to a webhook; each is lengthened by up to a fifth.
+    pub webhook_pauses: Vec<Duration>,
 }
 
 /// Concurrent requests per core: accepted requests wait for earlier ones, and more of them
@@ -133,6 +137,18 @@ const REQUESTS_PER_CORE: usize = 128;
 
 /// Chosen: five a second are more than a robot or a person causes by mistake.
 const FAILED_CHANGES_PER_MINUTE: NonZeroU32 = NonZeroU32::new(300).expect("300 is not 0");
+
+/// Chosen: a receiver that restarts gets an event within seconds, one that is repaired the next day
+/// gets it, too.
+const WEBHOOK_PAUSES: [Duration; 7] = [
+    Duration::from_secs(5),
+    Duration::from_secs(30),
+    Duration::from_secs(120),
+    Duration::from_secs(600),
+    Duration::from_secs(3_600),
+    Duration::from_secs(21_600),
+    Duration::from_secs(86_400),
+];
 
 impl Config {
     /// The defaults, with the database in `data`, listening at 127.0.0.1:7411.
@@ -182,6 +198,8 @@ impl Config {
             session_kept: None,
             session_readings_max: 10_000,
             object_readings_max: 100_000,
+            webhook_allow_private: false,
+            webhook_pauses: WEBHOOK_PAUSES.to_vec(),
         }
     }
 }

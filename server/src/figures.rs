@@ -46,6 +46,12 @@ pub(crate) fn register() {
     for status in ["401", "403", "429"] {
         metrics::counter!("palpate_requests_denied_total", "status" => status).increment(0);
     }
+    for outcome in ["delivered", "failed"] {
+        metrics::counter!("palpate_webhook_attempts_total", "outcome" => outcome).increment(0);
+    }
+    for outcome in ["delivered", "abandoned", "displaced", "too_large"] {
+        metrics::counter!("palpate_webhook_deliveries_total", "outcome" => outcome).increment(0);
+    }
     for answer in ["right", "wrong"] {
         for object in ["known", "unknown"] {
             let labels = [("answer", answer), ("object", object)];

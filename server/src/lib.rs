@@ -28,6 +28,7 @@ mod wire;
 mod known_sensors;
 mod cause;
 mod repeats;
+mod notices;
 mod live;
 mod services;
 mod refusal;

@@ -41,6 +41,7 @@ use crate::compute::{ComputeError, Length, Place, Pool};
 use crate::known_sensors::KnownSensors;
 use crate::limits::megabytes;
 use crate::model::Model;
+use crate::notices::Notices;
 use crate::wire::Invalid;
 use crate::wire::belief::belief;
 use crate::wire::life::{End, Status};
@@ -75,6 +76,7 @@ pub(crate) struct Tools {
     pub(crate) readings_max: usize,
     pub(crate) checkpoints: Arc<Checkpoints>,
     pub(crate) traces: Traces,
+    pub(crate) notices: Arc<Notices>,
 }
 
 /// A session in memory.

@@ -16,7 +16,9 @@ mod unions;
 
 use std::sync::OnceLock;
 
-use palpate_schemas::{BeliefDetail, FieldError, Job, PlyForm, Problem, SessionEvent};
+use palpate_schemas::{
+    BeliefDetail, FieldError, Job, PlyForm, Problem, SessionEvent, WebhookEvent,
+};
 use utoipa::OpenApi as _;
 use utoipa::openapi::extensions::Extensions;
 use utoipa::openapi::path::{Operation, ParameterIn, PathItem};
@@ -50,10 +52,12 @@ const KEY: &str = "An API key, `palpate_…`, if the server requires one. `x-pal
         (name = "jobs", description = "Training jobs"),
         (name = "sessions", description = "Recognition: readings in, beliefs out"),
         (name = "keys", description = "API keys, robot names and the audit log"),
+        (name = "webhooks", description = "Signed events for other programs"),
         (name = "admin", description = "Snapshots and compaction of the stored data"),
         (name = "site", description = "Health, metrics, version"),
     ),
-    components(schemas(Problem, FieldError, SessionEvent, Job, BeliefDetail, PlyForm)),
+    components(schemas(Problem, FieldError, SessionEvent, Job, BeliefDetail, PlyForm,
+        WebhookEvent)),
 )]
 struct Document;
 

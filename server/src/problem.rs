@@ -30,6 +30,7 @@ use crate::services::catalogues::CatalogueError;
 use crate::services::keys::error::{KeyError, KeyFault};
 use crate::services::objects::ObjectError;
 use crate::services::sessions::SessionError;
+use crate::services::webhooks::error::WebhookError;
 use crate::wire::Invalid;
 use crate::wire::object::FormatError;
 
@@ -113,6 +114,7 @@ fn refusal(refusal: &Refusal) -> Answer {
         Refusal::Catalogue(error) => catalogue(error),
         Refusal::Session(error) => session(error),
         Refusal::Job(error) => jobs::job(error),
+        Refusal::Webhook(error) => webhook(error),
         Refusal::Access(error) => access(error),
         Refusal::Request(error) => request(error),
         Refusal::Load(error) => load(error),
@@ -247,6 +249,16 @@ fn key(error: &KeyError) -> Answer {
         | KeyError::Full { .. } => ProblemType::WrongState.into(),
         KeyError::NoRandom(_) => ProblemType::Internal.into(),
         KeyError::Cause(error) => cause(error),
+    }
+}
+
+fn webhook(error: &WebhookError) -> Answer {
+    match error {
+        WebhookError::Full { .. }
+        | WebhookError::Disabled { .. }
+        | WebhookError::UnderWay { .. } => ProblemType::WrongState.into(),
+        WebhookError::NoRandom(_) => ProblemType::Internal.into(),
+        WebhookError::Cause(error) => cause(error),
     }
 }
 

@@ -16,6 +16,7 @@ use crate::services::jobs::error::JobError;
 use crate::services::keys::error::{KeyError, KeyFault};
 use crate::services::objects::ObjectError;
 use crate::services::sessions::SessionError;
+use crate::services::webhooks::error::WebhookError;
 use crate::wire;
 
 /// Reason for which a request was refused.
@@ -33,6 +34,8 @@ pub(crate) enum Refusal {
     Session(#[from] SessionError),
     #[error(transparent)]
     Job(#[from] JobError),
+    #[error(transparent)]
+    Webhook(#[from] WebhookError),
     #[error(transparent)]
     Access(#[from] AccessError),
     #[error(transparent)]

@@ -20,6 +20,7 @@ pub(crate) mod sessions;
 pub(crate) mod site;
 pub(crate) mod storage;
 pub(crate) mod training;
+pub(crate) mod webhooks;
 
 use axum::Json;
 use axum::http::{StatusCode, header};
@@ -99,6 +100,13 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(keys::whoami))
         .routes(routes!(keys::list_robots))
         .routes(routes!(keys::bind_robot, keys::release_robot))
+        .routes(routes!(webhooks::list_webhooks, webhooks::create_webhook))
+        .routes(routes!(webhooks::get_webhook, webhooks::update_webhook, webhooks::delete_webhook))
+        .routes(routes!(webhooks::rotate_webhook_secret))
+        .routes(routes!(webhooks::test_webhook))
+        .routes(routes!(webhooks::list_webhook_deliveries))
+        .routes(routes!(webhooks::get_webhook_delivery))
+        .routes(routes!(webhooks::redeliver_webhook))
         .routes(routes!(audit::list_audit))
         .routes(routes!(storage::take_snapshot))
         .routes(routes!(storage::compact))

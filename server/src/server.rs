@@ -3,15 +3,17 @@
 //! A stop refuses new connections, ends streams, lets requests finish for a while, suspends
 //! the running training, and closes the store last.
 
+mod database;
+
 use std::fmt;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
-use palpate_migrations::{MigrateError, migrate};
+use palpate_migrations::MigrateError;
 use palpate_store::database::{Database, DatabaseError};
 use palpate_store::error::StoreError;
-use palpate_store::sled::{SledEngine, SledOptions};
+use palpate_store::sled::SledEngine;
 use thiserror::Error;
 use tokio::net::TcpListener;
 use tokio::sync::watch;
@@ -24,6 +26,7 @@ use crate::config::{Access, Config};
 use crate::door::Door;
 use crate::middleware::headers::is_origin;
 use crate::middleware::telemetry;
+use crate::notices::Notices;
 use crate::rate::Rates;
 use crate::roles::Operations;
 use crate::router::router;
@@ -38,8 +41,10 @@ use crate::services::objects::Objects;
 use crate::services::sensors::Sensors;
 use crate::services::sessions::Sessions;
 use crate::services::storage::{self, Storage};
+use crate::services::webhooks::Webhooks;
 use crate::tls::TlsError;
 use crate::{openapi, tls};
+use database::{close, database, open};
 
 /// Time limit of requests under way after a stop.
 const SHUTDOWN_PATIENCE: Duration = Duration::from_secs(10);
@@ -50,6 +55,8 @@ pub struct Server {
     stop: watch::Sender<bool>,
     serving: JoinHandle<()>,
     working: JoinHandle<()>,
+    delivering: JoinHandle<()>,
+    webhooks: Arc<Webhooks>,
     sessions: Arc<Sessions>,
     audit: Arc<Audit>,
     engine: Arc<SledEngine>,
@@ -114,6 +121,12 @@ pub enum StartError {
     /// The open sessions cannot be counted.
     #[error("cannot read the sessions: {reason}")]
     Sessions {
+        /// The cause.
+        reason: String,
+    },
+    /// The webhooks cannot be read.
+    #[error("cannot read the webhooks: {reason}")]
+    Webhooks {
         /// The cause.
         reason: String,
     },
@@ -185,22 +198,15 @@ impl Server {
         }
         let time_keeper = Arc::clone(&keys);
         let checked = store.clone();
-        let session_kept = config.session_kept;
         let (app, jobs) = assemble(config, store, keys, stopping.clone()).await?;
         let checked_catalogues = Arc::clone(&app.catalogues);
         let sessions = Arc::clone(&app.sessions);
-        tokio::spawn(telemetry::tidy(stopping.clone()));
+        look_after(&app, &stopping);
         let working = tokio::spawn(jobs.work(stopping.clone()));
-        tokio::spawn(Arc::clone(&sessions).watch(stopping.clone()));
-        tokio::spawn(Arc::clone(&sessions).keep_health(stopping.clone()));
-        tokio::spawn(Arc::clone(&sessions).keep_watch(stopping.clone()));
+        let webhooks = Arc::clone(&app.webhooks);
+        let delivering = tokio::spawn(Arc::clone(&webhooks).work(stopping.clone()));
         let audit = Arc::clone(&app.audit);
-        tokio::spawn(Arc::clone(&audit).keep(stopping.clone()));
         tokio::spawn(time_keeper.keep_time(stopping.clone()));
-        tokio::spawn(Arc::clone(&app.storage).watch(stopping.clone()));
-        if let Some(keep) = session_kept {
-            tokio::spawn(Arc::clone(&sessions).forget(keep, stopping.clone()));
-        }
         integrity::check(checked, checked_catalogues, stopping.clone())?;
         let door = Door {
             listener,
@@ -213,7 +219,19 @@ impl Server {
         }
         let serving = tokio::spawn(door.serve(router(app), stopping));
         tracing::info!("Listening at {scheme}://{local_addr}");
-        Ok(Self { local_addr, stop, serving, working, sessions, audit, engine, scheme, admin_key })
+        Ok(Self {
+            local_addr,
+            stop,
+            serving,
+            working,
+            delivering,
+            webhooks,
+            sessions,
+            audit,
+            engine,
+            scheme,
+            admin_key,
+        })
     }
 
     /// `http`, or `https` with a certificate.
@@ -252,6 +270,11 @@ impl Server {
         if (&mut self.working).await.is_err() {
             tracing::error!("The worker of training jobs panicked");
         }
+        if (&mut self.delivering).await.is_err() {
+            tracing::error!("The worker of webhooks panicked");
+        }
+        self.webhooks.store_rest().await;
+        drop(self.webhooks);
         self.audit.store().await;
         drop(self.audit);
         let sessions = self.sessions;
@@ -263,44 +286,17 @@ impl Server {
     }
 }
 
-async fn open(config: &Config) -> Result<Arc<SledEngine>, StartError> {
-    let folder = config.data.clone();
-    let options = SledOptions {
-        reserve_bytes: config.disk_reserve_bytes,
-        cache_bytes: config.store_cache_bytes,
-        slack_bytes: config.store_slack_bytes,
-        free_space: config.free_space.clone(),
-        ..SledOptions::default()
-    };
-    let opening = tokio::task::spawn_blocking(move || SledEngine::open(&folder, &options));
-    let opened = opening.await.map_err(std::io::Error::other)?;
-    Ok(Arc::new(opened.map_err(DatabaseError::from)?))
-}
-
-/// The database of an engine, in today's layout.
-async fn database(engine: Arc<SledEngine>, migrates: bool) -> Result<Database, StartError> {
-    let opening = tokio::task::spawn_blocking(move || {
-        if migrates {
-            migrate(&*engine)?;
-        }
-        Ok(Database::with_engine(engine)?)
-    });
-    opening.await.map_err(std::io::Error::other)?
-}
-
-/// Closes the engine after its last user: the last tasks of the runtime release it a moment
-/// after they have answered, and the next server needs the folder's lock.
-async fn close(engine: Arc<SledEngine>) {
-    let waiting = async {
-        while Arc::strong_count(&engine) > 1 {
-            tokio::time::sleep(Duration::from_millis(2)).await;
-        }
-    };
-    if tokio::time::timeout(SHUTDOWN_PATIENCE, waiting).await.is_err() {
-        tracing::warn!("The database is still in use after {SHUTDOWN_PATIENCE:?}");
-    }
-    if tokio::task::spawn_blocking(move || drop(engine)).await.is_err() {
-        tracing::error!("The database panicked when it was closed");
+/// Starts the tasks that look after sessions, figures, the audit log and the disk until the stop.
+fn look_after(app: &App, stopping: &watch::Receiver<bool>) {
+    let sessions = || Arc::clone(&app.sessions);
+    tokio::spawn(telemetry::tidy(stopping.clone()));
+    tokio::spawn(sessions().watch(stopping.clone()));
+    tokio::spawn(sessions().keep_health(stopping.clone()));
+    tokio::spawn(sessions().keep_watch(stopping.clone()));
+    tokio::spawn(Arc::clone(&app.audit).keep(stopping.clone()));
+    tokio::spawn(Arc::clone(&app.storage).watch(stopping.clone()));
+    if let Some(keep) = app.config.session_kept {
+        tokio::spawn(sessions().forget(keep, stopping.clone()));
     }
 }
 
@@ -323,8 +319,10 @@ async fn assemble(
     );
     let (models_max, tables_max) = (config.model_memory_bytes_max, config.belief_memory_bytes_max);
     let catalogues = Arc::new(Catalogues::new(&store, pool.clone(), models_max, tables_max));
+    let notices = Arc::new(Notices::default());
     let jobs = Arc::new(Jobs::new(
         store.clone(),
+        Arc::clone(&notices),
         Arc::clone(&objects),
         Arc::clone(&sensors),
         Arc::clone(&catalogues),
@@ -337,7 +335,7 @@ async fn assemble(
         Arc::clone(&catalogues),
         Arc::clone(&sensors),
         pool.clone(),
-        Arc::clone(&keys),
+        (Arc::clone(&keys), Arc::clone(&notices)),
         &config,
     ));
     let counted = Arc::clone(&sessions);
@@ -349,6 +347,8 @@ async fn assemble(
     counted
         .map_err(std::io::Error::other)?
         .map_err(|refusal| StartError::Sessions { reason: refusal.to_string() })?;
+    let webhooks = Webhooks::open(&store, &sessions, notices, &config).await;
+    let webhooks = webhooks.map_err(|error| StartError::Webhooks { reason: error.to_string() })?;
     let (log, sizes) = (store.clone(), config.audit_entries_max);
     let log = tokio::task::spawn_blocking(move || log.audit(sizes, is_essential)).await;
     let log = log.map_err(std::io::Error::other)??;
@@ -370,6 +370,7 @@ async fn assemble(
         jobs,
         sessions,
         keys,
+        webhooks: Arc::new(webhooks),
         audit,
         operations: Operations::new(openapi::operation_ids()),
         storage: Arc::new(storage),

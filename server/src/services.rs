@@ -16,4 +16,5 @@ pub(crate) mod shadow;
 pub(crate) mod training;
 pub(crate) mod jobs;
 pub(crate) mod snapshots;
+pub(crate) mod webhooks;
 pub(crate) mod integrity;

@@ -29,6 +29,7 @@ pub(crate) mod session;
 pub(crate) mod symmetry;
 pub(crate) mod recalibration;
 pub(crate) mod training;
+pub(crate) mod webhook;
 
 use palpate_schemas::{FieldError, PageQuery};
 use thiserror::Error;

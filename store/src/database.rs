@@ -27,6 +27,7 @@ use crate::record::{self, ClockV1, LayoutV1};
 use crate::robot::RobotHolders;
 use crate::sensor_day::SensorDays;
 use crate::table::Table;
+use crate::webhook::{Deliveries, Webhook};
 
 /// The layout of keys and records in this version of Palpate.
 pub const LAYOUT: u32 = 2;
@@ -228,6 +229,18 @@ impl Database {
     #[must_use]
     pub fn keys(&self) -> Table<AccessKey> {
         Table::new(Arc::clone(&self.engine))
+    }
+
+    /// All webhooks.
+    #[must_use]
+    pub fn webhooks(&self) -> Table<Webhook> {
+        Table::new(Arc::clone(&self.engine))
+    }
+
+    /// The deliveries of events to webhooks.
+    #[must_use]
+    pub fn deliveries(&self) -> Deliveries {
+        Deliveries::new(Arc::clone(&self.engine))
     }
 
     /// The latest stored time, milliseconds since 1970; 0 when there is none.

@@ -62,6 +62,12 @@ pub enum Kind {
     Holding = 23,
     /// What the sessions of a day say about a sensor.
     SensorDay = 25,
+    /// A webhook, with its secret.
+    Webhook = 26,
+    /// An event for a webhook.
+    Delivery = 27,
+    /// What was announced of a session.
+    Notice = 28,
     /// Number of commits, and the sum of all records.
     Tally = 30,
 }

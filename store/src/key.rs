@@ -60,6 +60,12 @@ pub enum Space {
     AuditStrangers = b'q',
     /// The API key that owns a robot's name, by name.
     RobotHolder = b'h',
+    /// Webhooks by id.
+    Webhook = b'W',
+    /// Deliveries, by webhook and event.
+    Delivery = b'D',
+    /// What was announced of sessions, by session.
+    Notice = b'N',
     /// The latest time.
     Clock = b'y',
     /// Bytes of a thing that an API key wrote, by thing and key.

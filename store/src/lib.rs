@@ -3,7 +3,7 @@
 //! Bottom up: an [`engine::Engine`] holds ordered keys and small values and commits them
 //! atomically and durably ([`sled`], [`memory`]); [`envelope`] and [`record`] define the
 //! values; `pieces` splits large ones; [`table`], [`journal`], [`calibration`], [`sensor_day`], [`mesh`],
-//! [`catalogue`] and [`audit`] are the repositories that [`database::Database`] opens;
+//! [`catalogue`], [`audit`] and [`webhook`] are the repositories that [`database::Database`] opens;
 //! [`holding`] counts the bytes that each API key wrote; [`fsck`] checks a whole database,
 //! [`snapshot`] copies one. `docs/formats.md` draws every
 //! byte. Times are arguments, in milliseconds since 1970. Not here: HTTP, clocks, and
@@ -27,6 +27,7 @@ pub mod sled;
 pub mod robot;
 pub mod table;
 pub mod access;
+pub mod webhook;
 pub mod journal;
 pub mod calibration;
 pub mod sensor_day;

@@ -7,11 +7,13 @@ the server), and must get the documented success. Answers, and the committed exa
 must satisfy their schemas. `--record` writes schemas/examples/responses.json anew.
 """
 
+import http.server
 import json
 import math
 import re
 import subprocess
 import sys
+import threading
 import time
 import urllib.error
 import urllib.parse
@@ -29,8 +31,8 @@ ITEMS_MAX = 3
 LINES_MAX = 12
 """Most lines of a recorded text."""
 WAIT_S_MAX = 120
-NO_SECRET = f"palpate_{32 * '0'}_{64 * '0'}"
-"""Stands for the secret of a key in a recorded answer."""
+NO_SECRETS = {"palpate": f"palpate_{32 * '0'}_{64 * '0'}", "whsec": f"whsec_{43 * 'A'}="}
+"""Stand for the secrets of keys and webhooks in recorded answers, by how those begin."""
 NO_EXAMPLE = {"model/stl", "model/obj", "model/ply", "model/off", "image/png", "application/octet-stream"}
 """Files: their bytes are no example."""
 
@@ -135,6 +137,18 @@ class Story:
         assert not faults, f"{where}: {faults[:5]}"
 
 
+class Receiver(http.server.BaseHTTPRequestHandler):
+    """Takes what webhooks send."""
+
+    def do_POST(self) -> None:
+        self.rfile.read(int(self.headers["content-length"]))
+        self.send_response(204)
+        self.end_headers()
+
+    def log_message(self, format: str, *arguments: object) -> None:
+        """Says nothing."""
+
+
 def first_event(stream) -> bytes:
     """The lines of a stream up to the first empty one."""
     lines = []
@@ -147,7 +161,8 @@ def shortened(value: object) -> object:
     """An answer as an example: the first items of its lists, six digits, no secret."""
     if isinstance(value, dict):
         return {
-            name: NO_SECRET if name == "secret" else shortened(one) for name, one in value.items()
+            name: NO_SECRETS[one.split("_")[0]] if name == "secret" else shortened(one)
+            for name, one in value.items()
         }
     if isinstance(value, list):
         nested = any(isinstance(one, dict) for one in value)
@@ -278,6 +293,22 @@ def tell(story: Story, palpate: str, folder: Path) -> None:
     story.tell("revoke_key", key=key)
     story.tell("list_audit", "?limit=2")
 
+    receiver = http.server.HTTPServer(("127.0.0.1", 0), Receiver)
+    threading.Thread(target=receiver.serve_forever, daemon=True).start()
+    hook = story.tell("create_webhook")["webhook"]["id"]
+    story.tell("list_webhooks")
+    story.tell("get_webhook", webhook=hook)
+    story.tell("update_webhook", webhook=hook)
+    url = json.dumps({"url": f"http://127.0.0.1:{receiver.server_port}/"}).encode()
+    story.send("PATCH", f"/v1/webhooks/{hook}", url, {"content-type": "application/json"})
+    delivery = story.tell("test_webhook", webhook=hook)
+    assert delivery["state"] == "delivered", delivery
+    story.tell("list_webhook_deliveries", webhook=hook)
+    story.tell("get_webhook_delivery", webhook=hook, delivery=delivery["id"])
+    story.tell("redeliver_webhook", webhook=hook, delivery=delivery["id"])
+    story.tell("rotate_webhook_secret", webhook=hook)
+    story.tell("delete_webhook", webhook=hook)
+
     story.tell("get_storage")
     story.tell("take_snapshot")
     story.tell("compact")
@@ -303,7 +334,8 @@ def main() -> None:
     palpate, folder = sys.argv[1], Path(sys.argv[2])
     log = (folder / "log").open("w")
     process = subprocess.Popen(
-        [palpate, "serve", "--listen", "127.0.0.1:0", "--data", folder / "data", "--json"],
+        [palpate, "serve", "--listen", "127.0.0.1:0", "--data", folder / "data", "--json",
+         "--webhook-allow-private"],
         stdout=subprocess.PIPE, stderr=log, text=True,
     )  # fmt: skip
     try:

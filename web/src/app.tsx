@@ -21,6 +21,8 @@ import { CompareView } from "./sessions/CompareView";
 import { SessionsView } from "./sessions/SessionsView";
 import { maySee, NotPermitted, SignIn, Who, who, whoAsked } from "./signin";
 import { SnapshotsView } from "./snapshots/SnapshotsView";
+import { WebhooksView } from "./webhooks/WebhooksView";
+import { WebhookView } from "./webhooks/WebhookView";
 
 const VIEWS: [path: string, name: string][] = [
   ["fleet", "Fleet"],
@@ -32,6 +34,7 @@ const VIEWS: [path: string, name: string][] = [
   ["keys", "Keys"],
   ["audit", "Audit"],
   ["snapshots", "Snapshots"],
+  ["webhooks", "Webhooks"],
   ["health", "Health"],
 ];
 
@@ -117,6 +120,8 @@ function View() {
       return <AuditView />;
     case "snapshots":
       return <SnapshotsView />;
+    case "webhooks":
+      return id === undefined ? <WebhooksView /> : <WebhookView id={id} />;
     case "health":
       return <HealthView />;
     default:

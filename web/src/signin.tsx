@@ -39,6 +39,7 @@ const VIEW_ROLES: Record<string, Role[]> = {
   keys: ["admin"],
   audit: ["admin"],
   snapshots: ["admin"],
+  webhooks: ["admin"],
 };
 
 /** The note in place of a view that the key's role may not open. */

@@ -250,6 +250,7 @@ const VIEWS = [
   ["keys", ".note-empty"],
   ["audit", "tbody tr"],
   ["snapshots", "pre"],
+  ["webhooks", ".note-empty"],
   ["health", ".stat"],
 ];
 

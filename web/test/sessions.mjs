@@ -175,5 +175,25 @@ await step("an admin reads the audit log and takes a snapshot", async () => {
   await shot("audit");
 });
 
+await step("an admin makes a webhook, tests it and reads its history", async () => {
+  await page.goto(`${GUARDED}/#/webhooks`);
+  await page.getByRole("button", { name: "New webhook …" }).click();
+  await page.getByLabel("URL").fill("https://receiver.invalid/touch");
+  await checkAxe(page, "a new webhook");
+  await page.getByRole("button", { name: "Create webhook" }).click();
+  await page.getByText("whsec_").waitFor();
+  await page.getByRole("button", { name: "Done" }).click();
+  await page.getByRole("button", { name: "Test receiver.invalid" }).click();
+  await page.getByText("test abandoned").waitFor();
+  await checkAxe(page, "webhooks");
+  await checkWidth(page, "webhooks");
+  await page.getByRole("link", { name: "receiver.invalid" }).click();
+  await page.getByRole("button", { name: /^Details of ping/ }).click();
+  await page.getByText('"type": "ping"').waitFor();
+  await checkAxe(page, "a webhook");
+  await checkWidth(page, "a webhook");
+  await shot("webhook");
+});
+
 await browser.close();
 console.log("what has been is found");

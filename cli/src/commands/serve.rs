@@ -64,6 +64,9 @@ pub(crate) struct ServeArgs {
     /// Serve /metrics without a key.
     #[arg(long, env = "PALPATE_OPEN_METRICS")]
     open_metrics: bool,
+    /// Allow webhooks to this machine and to private networks, and without encryption (http).
+    #[arg(long, env = "PALPATE_WEBHOOK_ALLOW_PRIVATE")]
+    webhook_allow_private: bool,
     /// TLS certificate: a PEM file with the chain up to the authority.
     #[arg(long, env = "PALPATE_TLS_CERT", value_name = "FILE", requires = "tls_key")]
     tls_cert: Option<PathBuf>,
@@ -359,6 +362,7 @@ fn config(args: ServeArgs) -> Config {
         access,
         new_admin_key: args.new_admin_key,
         open_metrics: args.open_metrics,
+        webhook_allow_private: args.webhook_allow_private,
         tls: tls.map(|(certificate, key)| TlsFiles {
             certificate,
             key,

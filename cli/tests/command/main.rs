@@ -8,3 +8,4 @@ mod sessions;
 mod story;
 mod supervised;
 mod support;
+mod webhooks;

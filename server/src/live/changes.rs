@@ -234,6 +234,7 @@ impl Live {
         let belief = self.shown(length, &answer);
         state.remember(&belief);
         self.tools.traces.note(self.session.id, [Point::of(&belief, now)]);
+        self.tools.notices.belief(&belief, now);
         self.count(state);
         self.publish(SessionEvent::Belief { belief: belief.clone() });
         Ok(belief)

@@ -157,7 +157,9 @@ impl Live {
         };
         if self.tools.traces.revision(id) > 0 || length > RECALLED_MAX {
             if let Some(belief) = self.belief(0, None).await? {
-                self.tools.traces.note(id, [Point::of(&belief, at_ms(belief.revision))]);
+                let at_ms = at_ms(belief.revision);
+                self.tools.traces.note(id, [Point::of(&belief, at_ms)]);
+                self.tell(&belief, at_ms).await?;
             }
             return Ok(());
         }
@@ -179,9 +181,19 @@ impl Live {
             self.tools.traces.note(id, steps.chain([newest]));
             match replay.next_after {
                 Some(next) => after = u64::from(next),
-                None => return Ok(()),
+                None => return self.tell(&replay.belief, at_ms(replay.belief.revision)).await,
             }
         }
+    }
+
+    /// Notes a belief without poses for the webhooks, with its poses if it is news.
+    async fn tell(&self, belief: &wire::Belief, at_ms: u64) -> Result<(), LiveError> {
+        if self.tools.notices.is_news(belief)
+            && let Some(whole) = self.belief(POSES, None).await?
+        {
+            self.tools.notices.belief(&whole, at_ms);
+        }
+        Ok(())
     }
 
     /// A question's answer by the present belief, and its revision; `None` when that is known.

@@ -16,7 +16,7 @@ use crate::problem::body::{CONTENT_TYPE, title};
 use crate::problem::status;
 
 /// Operations and the example bodies of their requests.
-const REQUESTS: [(&str, &str); 28] = [
+const REQUESTS: [(&str, &str); 31] = [
     ("acknowledge_sessions", include_str!("../../../schemas/examples/acknowledge_sessions.json")),
     ("add_object_readings", include_str!("../../../schemas/examples/add_object_readings.json")),
     ("add_readings", include_str!("../../../schemas/examples/add_readings.json")),
@@ -32,10 +32,12 @@ const REQUESTS: [(&str, &str); 28] = [
     ("create_object", include_str!("../../../schemas/examples/create_object.json")),
     ("create_sensor", include_str!("../../../schemas/examples/create_sensor.json")),
     ("create_session", include_str!("../../../schemas/examples/create_session.json")),
+    ("create_webhook", include_str!("../../../schemas/examples/create_webhook.json")),
     ("extend_session", include_str!("../../../schemas/examples/extend_session.json")),
     ("merge_maps", include_str!("../../../schemas/examples/merge_maps.json")),
     ("recalibrate_catalogue", include_str!("../../../schemas/examples/recalibrate_catalogue.json")),
     ("rotate_key", include_str!("../../../schemas/examples/rotate_key.json")),
+    ("rotate_webhook_secret", include_str!("../../../schemas/examples/rotate_webhook_secret.json")),
     ("set_alias", include_str!("../../../schemas/examples/set_alias.json")),
     ("set_catalogue_labels", include_str!("../../../schemas/examples/set_catalogue_labels.json")),
     ("set_current", include_str!("../../../schemas/examples/set_current.json")),
@@ -45,6 +47,7 @@ const REQUESTS: [(&str, &str); 28] = [
     ("shadow_version", include_str!("../../../schemas/examples/shadow_version.json")),
     ("start_training", include_str!("../../../schemas/examples/start_training.json")),
     ("update_object", include_str!("../../../schemas/examples/update_object.json")),
+    ("update_webhook", include_str!("../../../schemas/examples/update_webhook.json")),
 ];
 /// Answers by operation, as a server gave them.
 const RESPONSES: &str = include_str!("../../../schemas/examples/responses.json");

@@ -64,7 +64,7 @@ pub(crate) async fn take_snapshot(
     Extension(client): Extension<Option<Client>>,
 ) -> Result<Response, Refusal> {
     let held = app.admission.snapshot(client)?;
-    let chunks = take(&app.store, caller.until_ended(&app)).await?;
+    let chunks = take(&app.store, app.webhooks.notices(), caller.until_ended(&app)).await?;
     let content_type = [(header::CONTENT_TYPE, "application/octet-stream")];
     let chunks = ReceiverStream::new(chunks).map(move |chunk| {
         let _held_while_sent = &held;

@@ -42,10 +42,13 @@ const DENIED_PAUSE: Duration = Duration::from_secs(60);
 /// Interval at which counts of repetitions are stored.
 const STORE_EVERY: Duration = Duration::from_secs(5);
 
-/// Operations that must work on a full disk: revoking a leaked key, and freeing space.
-const ESSENTIAL: [&str; 9] = [
+/// Operations that must work on a full disk: revoking a leaked key or secret, and freeing space.
+const ESSENTIAL: [&str; 12] = [
     "revoke_key",
     "rotate_key",
+    "update_webhook",
+    "delete_webhook",
+    "rotate_webhook_secret",
     "close_session",
     "delete_session",
     "delete_object",

@@ -35,12 +35,14 @@ use crate::client::Client;
 use crate::clock::now_ms;
 use crate::compute::Pool;
 use crate::config::Config;
+use crate::notices::Notices;
 use crate::services::catalogues::Catalogues;
 use crate::services::objects::Objects;
 use crate::services::sensors::Sensors;
 use crate::services::training::TrainingFailure;
 use crate::wire::recalibration::JobRequest;
 use crate::wire::training::job as shown;
+use crate::wire::webhook::finished_job;
 use crate::wire::{self as convert, cursor, page_id, page_length};
 use error::JobError;
 
@@ -52,6 +54,7 @@ const INTERRUPTED: &str = "interrupted by a stop of the server";
 /// All jobs.
 pub(crate) struct Jobs {
     store: Database,
+    notices: Arc<Notices>,
     objects: Arc<Objects>,
     sensors: Arc<Sensors>,
     catalogues: Arc<Catalogues>,
@@ -69,6 +72,7 @@ pub(crate) struct Jobs {
 impl Jobs {
     pub(crate) fn new(
         store: Database,
+        notices: Arc<Notices>,
         objects: Arc<Objects>,
         sensors: Arc<Sensors>,
         catalogues: Arc<Catalogues>,
@@ -81,6 +85,7 @@ impl Jobs {
             .build()?;
         Ok(Self {
             store,
+            notices,
             objects,
             sensors,
             catalogues,
@@ -347,6 +352,9 @@ impl Jobs {
         tracing::info!(job.id = %job.id, "Job {} ended {:?}: {reason}", job.id, job.state);
         if let Some((_, control)) = self.unfinished.remove(&job.id) {
             control.job.send_replace(shown(job));
+        }
+        if let Some((at_ms, job)) = finished_job(job) {
+            self.notices.job(at_ms, job);
         }
     }
 }

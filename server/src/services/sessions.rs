@@ -45,6 +45,7 @@ use crate::live::outcome::touched_by;
 use crate::live::trace::Traces;
 use crate::live::{Live, LiveError, Tools, Total, status};
 use crate::model::Model;
+use crate::notices::Notices;
 use crate::services::catalogues::{CatalogueError, Catalogues};
 use crate::services::keys::Keys;
 use crate::services::keys::error::KeyError;
@@ -82,7 +83,7 @@ impl Sessions {
         catalogues: Arc<Catalogues>,
         sensors: Arc<Sensors>,
         pool: Pool,
-        keys: Arc<Keys>,
+        (keys, notices): (Arc<Keys>, Arc<Notices>),
         config: &Config,
     ) -> Self {
         let tools = Tools {
@@ -92,6 +93,7 @@ impl Sessions {
             readings_max: config.session_readings_max,
             checkpoints: Arc::new(Checkpoints::new(config.data.join("checkpoints"))),
             traces: Traces::default(),
+            notices,
         };
         Self {
             tools: Arc::new(tools),

@@ -18,6 +18,7 @@ use crate::mesh::MeshInfo;
 use crate::record::{self, ClockV1, LayoutV1, NameV1, Record};
 use crate::robot::RobotHolder;
 use crate::sensor_day::SensorDay;
+use crate::webhook::{Delivery, Notice, Webhook};
 
 /// A complete, undamaged record.
 pub(super) enum Whole {
@@ -39,7 +40,8 @@ pub(super) enum Whole {
     Raw([u8; 32], u64),
     /// Bytes that a key wrote of a thing.
     Holding,
-    /// A job, a key, a retraction, or an entry of the audit log: no other record refers to it.
+    /// A job, a key, a webhook, a delivery, or an entry of the audit log: no other record refers to
+    /// it.
     Alone,
     /// A complete record of a kind that later versions added.
     Other,
@@ -74,6 +76,9 @@ pub(super) fn space(letter: u8) -> (&'static str, Option<usize>, &'static str) {
         b'y' => ("clock", Some(1), "a key that has expired is let in when the clock is set back"),
         b'h' => ("robot", None, "the robot's name belongs to nobody"),
         b'z' => ("holding", None, "the bytes that a key holds are counted wrong"),
+        b'W' => ("webhook", Some(17), "it receives no events"),
+        b'D' => ("delivery", Some(33), "the event is not delivered"),
+        b'N' => ("notice", Some(17), "events of the session may be sent again"),
         b'l' | b'd' | b'q' => ("audit entry", Some(9), "the audit log lacks the entry"),
         _ => ("other", None, "it is not known to this version of Palpate"),
     }
@@ -91,11 +96,15 @@ pub(super) fn words(key: &[u8]) -> String {
     };
     match (key.first(), key.len()) {
         (Some(b'!' | b'y'), 1) => "of the whole".to_owned(),
-        (Some(b's' | b'o' | b'm' | b'T' | b'j' | b'e' | b'R' | b'c' | b'a'), 17..) => id(1),
+        (
+            Some(b's' | b'o' | b'm' | b'T' | b'j' | b'e' | b'R' | b'c' | b'a' | b'W' | b'N'),
+            17..,
+        ) => id(1),
         (Some(b't' | b'r' | b'x'), 25..) => format!("{} entry {}", id(1), number(17)),
         (Some(b'v' | b'k' | b'i'), 25..) => format!("{} number {}", id(1), number(17)),
         (Some(b'l' | b'd' | b'q'), 9..) => format!("number {}", number(1)),
         (Some(b'f'), 33..) => format!("{} upload {}", id(1), id(17)),
+        (Some(b'D'), 33..) => format!("{} event {}", id(1), id(17)),
         (Some(b'n'), 2..) => String::from_utf8_lossy(&key[1..]).into_owned(),
         (Some(b'z'), 18..) => {
             let (thing, account) = (&key[1..key.len() - 16], key.len() - 16);
@@ -247,6 +256,9 @@ impl Assembly {
             b'y' => decoded(bytes, |_: ClockV1| Whole::Alone),
             b'h' => decoded(bytes, |_: RobotHolder| Whole::Alone),
             b'l' | b'd' | b'q' => decoded(bytes, |_: AuditEntry| Whole::Alone),
+            b'W' => decoded(bytes, |_: Webhook| Whole::Alone),
+            b'D' => decoded(bytes, |_: Delivery| Whole::Alone),
+            b'N' => decoded(bytes, |_: Notice| Whole::Alone),
             b'z' => {
                 holding::bytes(bytes).map(|_| Whole::Holding).map_err(|error| error.to_string())
             }

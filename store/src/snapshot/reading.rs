@@ -59,7 +59,8 @@ pub fn keys(source: impl Read) -> Result<Vec<AccessKey>, SnapshotError> {
     Ok(found)
 }
 
-/// Source of a restored database's API keys, with the names of robots that they own.
+/// Source of a restored database's API keys, with the names of robots that they own, and of its
+/// webhooks.
 #[derive(Clone, Copy)]
 pub enum KeysFrom<'engine> {
     /// The snapshot.
@@ -82,8 +83,10 @@ impl KeysFrom<'_> {
     }
 }
 
-/// Spaces of keys and dependent records.
-const OF_KEYS: [Space; 2] = [Space::AccessKey, Space::RobotHolder];
+/// Spaces of keys and dependent records, and of webhooks: a copy without the keys must not send
+/// what the original sends.
+const OF_KEYS: [Space; 5] =
+    [Space::AccessKey, Space::RobotHolder, Space::Webhook, Space::Delivery, Space::Notice];
 
 /// Copies keys and dependent records from another database.
 fn copy_keys(from: &dyn Engine, engine: &dyn Engine) -> Result<(), EngineError> {

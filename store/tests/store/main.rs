@@ -19,3 +19,4 @@ mod samples;
 mod sensor_days;
 mod sensors;
 mod snapshots;
+mod webhooks;

@@ -15,7 +15,7 @@ use proptest::prelude::*;
 use tempfile::TempDir;
 use uuid::Uuid;
 
-use crate::samples;
+use crate::{samples, webhooks};
 
 fn filled() -> Arc<dyn Engine> {
     let engine: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
@@ -98,6 +98,36 @@ fn keys_of_a_snapshot_are_kept_dropped_or_replaced() {
     assert_eq!(restored(KeysFrom::Nowhere), (vec![], vec![], 5));
     let newer = vec![key("revoked-since", Some(7)), key("made-since", None)];
     assert_eq!(restored(KeysFrom::Engine(&*current)), (newer, vec![holder(3)], 9));
+}
+
+#[test]
+fn webhooks_of_a_snapshot_go_with_its_keys() {
+    let fill = |engine: &Arc<dyn Engine>, id: u128| {
+        let database = Database::with_engine(Arc::clone(engine)).unwrap();
+        samples::wait(async {
+            database.webhooks().create(&webhooks::webhook(id)).await.unwrap();
+            let delivery = webhooks::delivery(id, 7);
+            database.deliveries().add(&[delivery], &[], Some(&webhooks::notice(id))).await.unwrap();
+        });
+    };
+    let engine: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
+    let current: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
+    fill(&engine, 90);
+    fill(&current, 91);
+    let bytes = snapshot(&*engine);
+    let restored = |from: KeysFrom<'_>| {
+        let engine: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
+        restore(&bytes[..], &*engine, from).unwrap();
+        let database = Database::with_engine(engine).unwrap();
+        let hooks = database.webhooks().all().unwrap().into_iter().map(|hook| hook.id.as_u128());
+        let deliveries = database.deliveries();
+        let (sent, notices) = (deliveries.all().unwrap(), deliveries.notices().unwrap());
+        (hooks.collect::<Vec<_>>(), sent, notices)
+    };
+    let of = |id| (vec![id], vec![webhooks::delivery(id, 7)], vec![webhooks::notice(id)]);
+    assert_eq!(restored(KeysFrom::Snapshot), of(90));
+    assert_eq!(restored(KeysFrom::Nowhere), (vec![], vec![], vec![]));
+    assert_eq!(restored(KeysFrom::Engine(&*current)), of(91));
 }
 
 #[test]

@@ -94,6 +94,7 @@ pub(crate) async fn placeholders(asked: &Asked) -> Vec<(String, Vec<String>)> {
         one("sensor", "probe"),
         one("body", "cube"),
         one("key", "none"),
+        one("webhook", "none"),
         one("job", "none"),
         one("alias", "candidate"),
     ]
@@ -170,7 +171,7 @@ fn bodies(path: &str) -> Vec<Value> {
             json!({"objects": ["I"], "extend": 1}),
         ],
         "/v1/keys" => vec![json!({"name": "probing", "role": "viewer", "expires_in_s": 60})],
-        "/v1/keys/{key}/rotate" => vec![json!({"grace_s": 1})],
+        "/v1/keys/{key}/rotate" | "/v1/webhooks/{webhook}/rotate" => vec![json!({"grace_s": 1})],
         "/v1/sensors" => vec![
             json!({"name": "made", "description": description()}),
             json!({"name": "made", "description": open_description(), "coupling": coupling()}),

@@ -48,6 +48,10 @@ export type Storage = Schemas["Storage"];
 export type StoredReading = Schemas["StoredReading"];
 export type Truth = Schemas["Truth"];
 export type Version = Schemas["Version"];
+export type Webhook = Schemas["Webhook"];
+export type WebhookDelivery = Schemas["WebhookDelivery"];
+export type WebhookEventType = Schemas["WebhookEventType"];
+export type NewWebhook = Schemas["NewWebhook"];
 export type Whoami = Schemas["Whoami"];
 
 /** A page of a list. */

@@ -41,6 +41,20 @@ pub(super) struct OpenSession {
     rank: Rank,
 }
 
+impl OpenSession {
+    /// The attention that it needs, in its wire form.
+    pub(super) fn attention(&self) -> wire::Attention {
+        wire::Attention {
+            level: self.judgement.level,
+            reason: self.judgement.reason.clone(),
+            since: time(self.judgement.since_ms),
+            is_needed: self.is_needed,
+            acknowledged_at: self.handled.acknowledged_at_ms.map(time),
+            muted_until: self.handled.muted_until_ms.map(time),
+        }
+    }
+}
+
 impl Sessions {
     /// A page of the open sessions, those that need attention first.
     pub(crate) async fn fleet(
@@ -175,19 +189,12 @@ impl Sessions {
         one: OpenSession,
         with_trace: bool,
     ) -> Result<wire::FleetSession, Cause> {
-        let OpenSession { session, status, judgement, handled, trace, is_needed, .. } = one;
+        let attention = one.attention();
+        let OpenSession { session, status, trace, .. } = one;
         let from = status.length.saturating_sub(READINGS);
         let entries = self.tools.store.journal().entries(session.id, from, READINGS as usize)?;
         let is_reading = |entry: &&Entry| matches!(entry.event, Event::Reading(_));
         let newest = entries.iter().rev().find(is_reading);
-        let attention = wire::Attention {
-            level: judgement.level,
-            reason: judgement.reason,
-            since: time(judgement.since_ms),
-            is_needed,
-            acknowledged_at: handled.acknowledged_at_ms.map(time),
-            muted_until: handled.muted_until_ms.map(time),
-        };
         Ok(wire::FleetSession {
             last_reading_at: newest.map(|entry| time(entry.received_at_ms)),
             session: self.show_as(&session, status)?,

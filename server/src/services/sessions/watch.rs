@@ -1,5 +1,6 @@
 //! The watch over the open sessions: it counts those that need attention for the metrics, and
-//! forms beliefs that nobody asked for, so that no session is left unjudged.
+//! forms beliefs that nobody asked for, so that no session is left unjudged and webhooks hear of
+//! each.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -12,6 +13,7 @@ use super::fleet::OpenSession;
 use super::{SessionError, Sessions, is_idle};
 use crate::cause::Cause;
 use crate::clock::{now_ms, pause};
+use crate::notices::Alarm;
 use crate::wire::session::{options, part};
 
 /// Least interval between looks.
@@ -66,6 +68,7 @@ impl Sessions {
         self.tools.traces.retain(|id| self.open.contains(id));
         let open = self.open_now(now)?;
         measure(&open);
+        self.note_attention(&open);
         let is_behind = |one: &&OpenSession| {
             let known = u64::from(self.tools.traces.revision(one.session.id));
             let is_new = known == 0 || one.status.changed_at_ms.saturating_add(QUIET_MS) <= now;
@@ -74,6 +77,21 @@ impl Sessions {
         let mut behind: Vec<&OpenSession> = open.iter().filter(is_behind).collect();
         behind.sort_unstable_by_key(|one| std::cmp::Reverse(one.status.changed_at_ms));
         Ok(behind.iter().take(RECALLED_PER_LOOK).map(|one| one.session.id).collect())
+    }
+
+    /// Notes for the webhooks which sessions need attention, as far as their beliefs are formed.
+    fn note_attention(&self, open: &[OpenSession]) {
+        let notices = &self.tools.notices;
+        notices.leave(|id| self.open.contains(id));
+        for one in open {
+            let id = one.session.id;
+            if u64::from(self.tools.traces.revision(id)) < one.status.length {
+                continue;
+            }
+            let since_ms = one.judgement.since_ms;
+            let alarm = || Alarm { since_ms, attention: one.attention() };
+            notices.attention(id, alarm, one.is_needed);
+        }
     }
 
     /// Forms the newest beliefs of a session.

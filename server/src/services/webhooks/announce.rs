@@ -1,0 +1,290 @@
+//! Events: what was noted becomes deliveries, stored with the note that it was announced.
+//!
+//! An event's id is made from what happened, so that an event that is told again after a crash is
+//! recognised.
+
+use palpate_schemas as wire;
+use palpate_store::error::StoreError;
+use palpate_store::webhook::{Delivery, DeliveryState, EventKind, Notice};
+use uuid::{Builder, Uuid};
+
+use super::book::{Entry, Known};
+use super::{Webhooks, count_end};
+use crate::cause::Cause;
+use crate::clock::now_ms;
+use crate::notices::{Alarm, Decision, Waiting};
+use crate::wire::webhook::{body, finished_job};
+
+/// Maximum length of an event's body, bytes. Longer ones are not sent.
+const BODY_BYTES_MAX: usize = 64 << 10;
+/// Time before a start from which trainings that ended are told again. Chosen: those ended shortly
+/// before a crash, or by it.
+const JOBS_BEFORE_MS: u64 = 3_600_000;
+
+/// Something that happened.
+struct Happened {
+    id: Uuid,
+    kind: EventKind,
+    at_ms: u64,
+    data: wire::WebhookEventData,
+}
+
+/// An id made from a time and from what happened then.
+fn event_id(kind: EventKind, at_ms: u64, subject: Uuid, what: &str) -> Uuid {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(subject.as_bytes()).update(format!("{kind:?} {at_ms} {what}").as_bytes());
+    let [a, b, c, d, e, f, g, h, i, j, ..] = *hasher.finalize().as_bytes();
+    Builder::from_unix_timestamp_millis(at_ms, &[a, b, c, d, e, f, g, h, i, j]).into_uuid()
+}
+
+/// A delivery that is due.
+pub(super) fn pending(
+    webhook: Uuid,
+    event: Uuid,
+    kind: EventKind,
+    now_ms: u64,
+    body: impl FnOnce() -> String,
+) -> Delivery {
+    Delivery {
+        webhook,
+        event,
+        kind,
+        body: body(),
+        created_at_ms: now_ms,
+        state: DeliveryState::Pending,
+        n_failed: 0,
+        next_at_ms: Some(now_ms),
+        attempts: Vec::new(),
+    }
+}
+
+impl Webhooks {
+    /// Tells the ends of trainings that a crash may have kept from being told, and removes
+    /// deliveries to webhooks that do not exist any more.
+    pub(super) async fn take_up(&self) -> Result<(), Cause> {
+        for delivery in self.store.deliveries().all()? {
+            if !self.read(|book| book.0.contains_key(&delivery.webhook)) {
+                self.store.deliveries().remove_all(delivery.webhook).await?;
+            }
+        }
+        let since = now_ms().saturating_sub(JOBS_BEFORE_MS);
+        for job in self.store.jobs().list_whole(None, usize::MAX - 1)?.items {
+            let finished = finished_job(&job).filter(|(at_ms, _)| *at_ms >= since);
+            if let Some((at_ms, job)) = finished {
+                self.tell_job(at_ms, &job, true).await?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Stores the deliveries of all that waits; puts back what cannot be stored.
+    pub(super) async fn tell(&self, mut waiting: Waiting) -> Result<(), Cause> {
+        let told = self.tell_all(&mut waiting).await;
+        if told.is_err() {
+            self.notices.put_back(waiting);
+        }
+        told
+    }
+
+    /// Tells one thing after another; what was told waits no more.
+    async fn tell_all(&self, waiting: &mut Waiting) -> Result<(), Cause> {
+        while let Some((session, decision)) = waiting.decisions.first_key_value() {
+            self.tell_decision(*session, decision).await?;
+            waiting.decisions.pop_first();
+        }
+        while let Some((session, alarm)) = waiting.alarms.first_key_value() {
+            self.tell_alarm(*session, alarm).await?;
+            waiting.alarms.pop_first();
+        }
+        while let Some((_, (at_ms, job))) = waiting.jobs.first_key_value() {
+            self.tell_job(*at_ms, job, false).await?;
+            waiting.jobs.pop_first();
+        }
+        while let Some((at_ms, snapshot)) = waiting.snapshots.last() {
+            self.tell_snapshot(*at_ms, snapshot).await?;
+            waiting.snapshots.pop();
+        }
+        self.store.essential().deliveries().forget(&waiting.gone).await?;
+        waiting.gone.drain(..).for_each(|session| self.notices.forget(session));
+        Ok(())
+    }
+
+    async fn tell_decision(&self, session: Uuid, decision: &Decision) -> Result<(), Cause> {
+        let Decision { at_ms, object, belief } = decision;
+        let kind = match object {
+            Some(_) => EventKind::SessionDecided,
+            None => EventKind::SessionUnknown,
+        };
+        let notice = Notice { decided: Some(*object), ..self.notices.announced(session) };
+        let what = belief.revision.to_string();
+        let data = |shown| {
+            let (session, belief) = (Some(shown), Some(belief.clone()));
+            wire::WebhookEventData { session, belief, ..wire::WebhookEventData::default() }
+        };
+        self.tell_session(kind, (*at_ms, &what), notice, data).await
+    }
+
+    async fn tell_alarm(&self, session: Uuid, alarm: &Alarm) -> Result<(), Cause> {
+        let Alarm { since_ms, attention } = alarm;
+        let kind = EventKind::SessionNeedsAttention;
+        let needs_attention = attention.is_needed;
+        let notice = Notice { needs_attention, ..self.notices.announced(session) };
+        if !needs_attention {
+            let _changing = self.changing.lock().await;
+            if self.read(|book| book.0.values().any(|known| known.wants(kind))) {
+                self.store.deliveries().add(&[], &[], Some(&notice)).await?;
+            }
+            self.notices.set_announced(notice);
+            return Ok(());
+        }
+        let data = |shown| {
+            let (session, attention) = (Some(shown), Some(attention.clone()));
+            wire::WebhookEventData { session, attention, ..wire::WebhookEventData::default() }
+        };
+        self.tell_session(kind, (*since_ms, ""), notice, data).await
+    }
+
+    /// Tells an event of a session. Without a webhook that wants such events nothing is stored.
+    async fn tell_session(
+        &self,
+        kind: EventKind,
+        (at_ms, what): (u64, &str),
+        notice: Notice,
+        data: impl FnOnce(wire::Session) -> wire::WebhookEventData,
+    ) -> Result<(), Cause> {
+        let session = notice.session;
+        let _changing = self.changing.lock().await;
+        if !self.read(|book| book.0.values().any(|known| known.wants(kind))) {
+            self.notices.set_announced(notice);
+            return Ok(());
+        }
+        let shown = match self.sessions.get(&session.to_string()) {
+            Ok(shown) => shown,
+            // It was deleted meanwhile.
+            Err(Cause::NotFound { .. }) => return Ok(()),
+            Err(error) => return Err(error),
+        };
+        let id = event_id(kind, at_ms, session, what);
+        let deliveries = self.made(Happened { id, kind, at_ms, data: data(shown) }, false);
+        self.add(deliveries, Some(&notice)).await?;
+        self.notices.set_announced(notice);
+        Ok(())
+    }
+
+    async fn tell_job(
+        &self,
+        at_ms: u64,
+        job: &wire::WebhookJob,
+        is_repeated: bool,
+    ) -> Result<(), Cause> {
+        let kind = EventKind::TrainingFinished;
+        let id = event_id(kind, at_ms, job.id, "");
+        let job = Some(job.clone());
+        let data = wire::WebhookEventData { job, ..wire::WebhookEventData::default() };
+        let _changing = self.changing.lock().await;
+        let deliveries = self.made(Happened { id, kind, at_ms, data }, is_repeated);
+        Ok(self.add(deliveries, None).await?)
+    }
+
+    async fn tell_snapshot(
+        &self,
+        at_ms: u64,
+        snapshot: &wire::WebhookSnapshot,
+    ) -> Result<(), Cause> {
+        let kind = match snapshot.reason {
+            None => EventKind::SnapshotMade,
+            Some(_) => EventKind::SnapshotFailed,
+        };
+        let snapshot = Some(snapshot.clone());
+        let data = wire::WebhookEventData { snapshot, ..wire::WebhookEventData::default() };
+        let _changing = self.changing.lock().await;
+        let id = Uuid::now_v7();
+        let deliveries = self.made(Happened { id, kind, at_ms, data }, false);
+        Ok(self.add(deliveries, None).await?)
+    }
+
+    /// The deliveries of an event to the webhooks that take it and have not got it. An event that
+    /// is told again is not for those whose history may have lost it.
+    fn made(&self, happened: Happened, is_repeated: bool) -> Vec<Delivery> {
+        let Happened { id, kind, at_ms, data } = happened;
+        let is_new = |known: &&Known| {
+            let is_known = known.entries.contains_key(&id);
+            known.takes(kind, at_ms) && !is_known && !(is_repeated && known.may_have_forgotten(id))
+        };
+        let takers: Vec<Uuid> = self
+            .read(|book| book.0.values().filter(is_new).map(|known| known.webhook.id).collect());
+        if takers.is_empty() {
+            return Vec::new();
+        }
+        let body = body(id, kind, at_ms, data);
+        if body.len() > BODY_BYTES_MAX {
+            let n_bytes = body.len();
+            tracing::error!(event.id = %id,
+                "Event {id} is not sent: it has {n_bytes} bytes, at most {BODY_BYTES_MAX} are");
+            count_end("too_large");
+            return Vec::new();
+        }
+        let now = now_ms();
+        takers.iter().map(|hook| pending(*hook, id, kind, now, || body.clone())).collect()
+    }
+
+    /// Stores new deliveries, at most one of each webhook, with a notice. Webhooks must not change
+    /// meanwhile.
+    pub(super) async fn add(
+        &self,
+        new: Vec<Delivery>,
+        notice: Option<&Notice>,
+    ) -> Result<(), StoreError> {
+        let surplus: Vec<(Uuid, Uuid, Entry)> = self.read(|book| {
+            let of = |delivery: &Delivery| {
+                let (event, entry) = book.0.get(&delivery.webhook)?.surplus()?;
+                Some((delivery.webhook, event, entry))
+            };
+            new.iter().filter_map(of).collect()
+        });
+        if new.is_empty() && notice.is_none() {
+            return Ok(());
+        }
+        let removed: Vec<_> = surplus.iter().map(|(hook, event, _)| (*hook, *event)).collect();
+        self.store.deliveries().add(&new, &removed, notice).await?;
+        self.write(|book| {
+            for (hook, event, _) in &surplus {
+                book.0.get_mut(hook).and_then(|known| known.entries.remove(event));
+            }
+            for delivery in &new {
+                if let Some(known) = book.0.get_mut(&delivery.webhook) {
+                    known.entries.insert(delivery.event, Entry::of(delivery));
+                }
+            }
+        });
+        for (hook, event, entry) in &surplus {
+            if entry.is_waiting() {
+                tracing::warn!(webhook.id = %hook, event.id = %event,
+                    "Event {event} left the history of webhook {hook} undelivered: newer ones came");
+                count_end("displaced");
+            }
+        }
+        self.news.send_replace(());
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_event_has_one_id_however_often_it_is_told() {
+        let (kind, session) = (EventKind::SessionDecided, Uuid::from_u128(1));
+        let id = event_id(kind, 1_700_000_000_000, session, "5");
+        assert_eq!(id, event_id(kind, 1_700_000_000_000, session, "5"));
+        let others = [
+            event_id(kind, 1_700_000_000_000, session, "6"),
+            event_id(kind, 1_700_000_000_000, Uuid::from_u128(2), "5"),
+            event_id(EventKind::SessionUnknown, 1_700_000_000_000, session, "5"),
+        ];
+        assert!(others.iter().all(|other| *other != id));
+        assert!(id < event_id(kind, 1_700_000_000_001, session, "5"), "ids ascend with time");
+        assert_eq!(id.get_version_num(), 7);
+    }
+}
