@@ -22,6 +22,10 @@ use crate::table::Entity;
 const DELIVERY_KEY_BYTES: usize = 33;
 /// Length of a notice's key: space, session.
 const NOTICE_KEY_BYTES: usize = 17;
+/// Number of deliveries per read: at most some megabytes.
+const DELIVERIES_PER_SCAN: usize = 64;
+/// Attempts of an update under concurrent changes.
+const UPDATE_ATTEMPTS: usize = 64;
 /// Number of notices in one commit of a removal.
 const NOTICES_PER_COMMIT: usize = 1000;
 
@@ -200,10 +204,11 @@ impl Deliveries {
     /// Stores the new state of a delivery; `false`, and no change, if it was removed.
     ///
     /// # Errors
-    /// [`StoreError::Damaged`] and the engine's.
+    /// [`StoreError::Changed`] only under endless concurrent changes; [`StoreError::Damaged`] and
+    /// the engine's.
     pub async fn update(&self, delivery: &Delivery) -> Result<bool, StoreError> {
         let head = head_of(delivery);
-        loop {
+        for _ in 0..UPDATE_ATTEMPTS {
             let before = pieces::read(&*self.engine, Space::Delivery, &head)?;
             let Some(before) = before else { return Ok(false) };
             let expected = Expected::Value(pieces::first(&before));
@@ -215,6 +220,7 @@ impl Deliveries {
                 Err(Err(error)) => return Err(error.into()),
             }
         }
+        Err(StoreError::Changed { what: "delivery", id: delivery.event })
     }
 
     /// A delivery.
@@ -227,22 +233,32 @@ impl Deliveries {
         found.map(|bytes| decoded(&bytes)).transpose()
     }
 
-    /// All deliveries, by webhook and event. Damaged ones are left out, and logged. Blocks.
+    /// Shows all deliveries to `look`, by webhook and event. Damaged ones are left out, and logged.
+    /// Blocks.
     ///
     /// # Errors
     /// The engine's.
-    pub fn all(&self) -> Result<Vec<Delivery>, StoreError> {
-        let (prefix, limit) = (key::space(Space::Delivery), Limit::records(usize::MAX));
-        let records =
-            pieces::scan(&*self.engine, Space::Delivery, &prefix, DELIVERY_KEY_BYTES, None, limit)?;
-        let mut found = Vec::with_capacity(records.len());
-        for (_, bytes) in &records {
-            match decoded(bytes) {
-                Ok(delivery) => found.push(delivery),
-                Err(error) => tracing::error!("Left a delivery of a webhook out: {error}"),
+    pub fn each(&self, mut look: impl FnMut(Delivery)) -> Result<(), StoreError> {
+        let (prefix, limit) = (key::space(Space::Delivery), Limit::records(DELIVERIES_PER_SCAN));
+        let mut after = None;
+        loop {
+            let records = pieces::scan(
+                &*self.engine,
+                Space::Delivery,
+                &prefix,
+                DELIVERY_KEY_BYTES,
+                after,
+                limit,
+            )?;
+            let Some((last, _)) = records.last() else { return Ok(()) };
+            after = Some(last.clone());
+            for (_, bytes) in &records {
+                match decoded(bytes) {
+                    Ok(delivery) => look(delivery),
+                    Err(error) => tracing::error!("Left a delivery of a webhook out: {error}"),
+                }
             }
         }
-        Ok(found)
     }
 
     /// Removes the deliveries to a webhook; durable when it returns.

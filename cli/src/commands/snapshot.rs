@@ -67,7 +67,8 @@ enum Action {
         /// Folder to write to; it must not exist, or be empty.
         #[arg(long, value_name = "DIR")]
         data: PathBuf,
-        /// Treatment of the snapshot's API keys; required if it holds any that were not revoked.
+        /// Treatment of the snapshot's API keys and webhooks; required if it holds any keys that were
+        /// not revoked.
         #[arg(long, value_name = "WHICH")]
         keys: Option<KeysChoice>,
         /// Folder that the restored one replaces, for `--keys newer`; no server may have it open.
@@ -76,15 +77,16 @@ enum Action {
     },
 }
 
-/// API keys of a restored folder.
+/// API keys of a restored folder, and its webhooks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum KeysChoice {
-    /// Keep the snapshot's keys. Keys revoked since then are valid again.
+    /// Keep the snapshot's keys and webhooks. Keys revoked since then are valid again.
     Keep,
-    /// Drop all keys. A server started with `--access keys` creates the first admin key.
+    /// Drop all keys and webhooks. A server started with `--access keys` creates the first admin
+    /// key.
     Drop,
-    /// Take the keys of the folder being replaced (`--current`): revocations, rotations and new
-    /// keys since the snapshot stay in force.
+    /// Take the keys and webhooks of the folder being replaced (`--current`): revocations, rotations
+    /// and new keys since the snapshot stay in force.
     Newer,
 }
 

@@ -275,11 +275,11 @@ fn stored(store: &Database, notices: &Notices) -> Result<Book, StoreError> {
     for webhook in store.webhooks().list_whole(None, usize::MAX - 1)?.items {
         book.0.insert(webhook.id, Known::new(webhook));
     }
-    for delivery in store.deliveries().all()? {
+    store.deliveries().each(|delivery| {
         if let Some(known) = book.0.get_mut(&delivery.webhook) {
             known.entries.insert(delivery.event, Entry::of(&delivery));
         }
-    }
+    })?;
     for notice in store.deliveries().notices()? {
         notices.set_announced(notice);
     }

@@ -121,7 +121,7 @@ fn webhooks_of_a_snapshot_go_with_its_keys() {
         let database = Database::with_engine(engine).unwrap();
         let hooks = database.webhooks().all().unwrap().into_iter().map(|hook| hook.id.as_u128());
         let deliveries = database.deliveries();
-        let (sent, notices) = (deliveries.all().unwrap(), deliveries.notices().unwrap());
+        let (sent, notices) = (webhooks::all(&deliveries), deliveries.notices().unwrap());
         (hooks.collect::<Vec<_>>(), sent, notices)
     };
     let of = |id| (vec![id], vec![webhooks::delivery(id, 7)], vec![webhooks::notice(id)]);

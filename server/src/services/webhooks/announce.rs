@@ -3,6 +3,8 @@
 //! An event's id is made from what happened, so that an event that is told again after a crash is
 //! recognised.
 
+use std::collections::BTreeSet;
+
 use palpate_schemas as wire;
 use palpate_store::error::StoreError;
 use palpate_store::webhook::{Delivery, DeliveryState, EventKind, Notice};
@@ -62,10 +64,13 @@ impl Webhooks {
     /// Tells the ends of trainings that a crash may have kept from being told, and removes
     /// deliveries to webhooks that do not exist any more.
     pub(super) async fn take_up(&self) -> Result<(), Cause> {
-        for delivery in self.store.deliveries().all()? {
-            if !self.read(|book| book.0.contains_key(&delivery.webhook)) {
-                self.store.deliveries().remove_all(delivery.webhook).await?;
-            }
+        let mut orphans = BTreeSet::new();
+        self.store.deliveries().each(|delivery| {
+            orphans.insert(delivery.webhook);
+        })?;
+        orphans.retain(|webhook| !self.read(|book| book.0.contains_key(webhook)));
+        for webhook in orphans {
+            self.store.deliveries().remove_all(webhook).await?;
         }
         let since = now_ms().saturating_sub(JOBS_BEFORE_MS);
         for job in self.store.jobs().list_whole(None, usize::MAX - 1)?.items {
