@@ -111,7 +111,7 @@ fn deliveries_are_added_with_their_notice_and_make_room() {
 fn all_deliveries_are_read_piece_by_piece() {
     check(|database| {
         // Every third has several pieces, and there are more than one read takes.
-        let body = |event: u128| "x".repeat(if event % 3 == 0 { 9_000 } else { 2 });
+        let body = |event: u128| "x".repeat(if event.is_multiple_of(3) { 9_000 } else { 2 });
         let made = |event| Delivery { body: body(event), ..delivery(90 + event % 2, event) };
         let mut expected: Vec<Delivery> = (1..=200).map(made).collect();
         wait(database.deliveries().add(&expected, &[], None)).unwrap();
