@@ -6208,17 +6208,18 @@ export interface operations {
                 };
                 content: {
                     /**
-                     * @example # TYPE palpate_store_commits_total counter
-                     *     palpate_store_commits_total 452
+                     * @example # TYPE palpate_sensor_health_left_out_total counter
+                     *     palpate_sensor_health_left_out_total 0
                      *
-                     *     # TYPE palpate_feedback_total counter
-                     *     palpate_feedback_total{answer="right",object="unknown"} 0
-                     *     palpate_feedback_total{answer="right",object="known"} 20
-                     *     palpate_feedback_total{answer="wrong",object="known"} 1
-                     *     palpate_feedback_total{answer="wrong",object="unknown"} 0
+                     *     # TYPE palpate_store_commits_total counter
+                     *     palpate_store_commits_total 476
                      *
-                     *     # TYPE palpate_sensor_health_sessions_total counter
-                     *     palpate_sensor_health_sessions_total 20
+                     *     # TYPE palpate_http_requests_total counter
+                     *     palpate_http_requests_total{method="POST",route="/v1/keys",status="201"} 1
+                     *     palpate_http_requests_total{method="POST",route="/v1/compactions",status="200"} 1
+                     *     palpate_http_requests_total{method="POST",route="/v1/sessions/{session}/next-touches",status="200"} 1
+                     *     palpate_http_requests_total{method="POST",route="/v1/catalogues/{name}/calibrations",status="202"} 1
+                     *     palpate_http_requests_total{method="POST",route="/v1/catalogues/{name}/versions/{version}/shadow",status="202"} 1
                      */
                     "text/plain": string;
                 };
@@ -6808,15 +6809,15 @@ export interface operations {
                      *       "items": [
                      *         {
                      *           "address": "127.0.0.1",
-                     *           "at": "2026-11-26T05:53:02.202Z",
+                     *           "at": "2026-11-26T07:08:02.815Z",
                      *           "key_id": null,
                      *           "key_name": null,
-                     *           "last_at": "2026-11-26T05:53:02.202Z",
+                     *           "last_at": "2026-11-26T07:08:02.815Z",
                      *           "n": 1,
                      *           "n_left_out": 0,
                      *           "operation": "revoke_key",
-                     *           "request_id": "01a2166a-1afa-7520-a660-c69240d55de1",
-                     *           "resource": "/v1/keys/01a2166a-1ad9-777f-9c66-ec9c42e4ee65",
+                     *           "request_id": "01a216ae-c77f-70bc-afc4-8f649f65a846",
+                     *           "resource": "/v1/keys/01a216ae-c75b-7050-a5b3-e0e92c2df6d2",
                      *           "ring": "changes",
                      *           "role": null,
                      *           "seq": 81,
@@ -6824,14 +6825,14 @@ export interface operations {
                      *         },
                      *         {
                      *           "address": "127.0.0.1",
-                     *           "at": "2026-11-26T05:53:02.182Z",
+                     *           "at": "2026-11-26T07:08:02.806Z",
                      *           "key_id": null,
                      *           "key_name": null,
-                     *           "last_at": "2026-11-26T05:53:02.182Z",
+                     *           "last_at": "2026-11-26T07:08:02.806Z",
                      *           "n": 1,
                      *           "n_left_out": 0,
                      *           "operation": "release_robot",
-                     *           "request_id": "01a2166a-1ae6-7331-8d70-551162b341c1",
+                     *           "request_id": "01a216ae-c776-77eb-b40b-e61c27b11ee1",
                      *           "resource": "/v1/robots/left-arm",
                      *           "ring": "changes",
                      *           "role": null,
@@ -7016,13 +7017,13 @@ export interface operations {
                      *         {
                      *           "aliases": {},
                      *           "current": {
-                     *             "changed_at": "2026-11-26T05:52:43.815Z",
+                     *             "changed_at": "2026-11-26T07:07:51.152Z",
                      *             "revision": 1,
                      *             "version": 1
                      *           },
                      *           "history": [
                      *             {
-                     *               "changed_at": "2026-11-26T05:52:43.815Z",
+                     *               "changed_at": "2026-11-26T07:07:51.152Z",
                      *               "revision": 1,
                      *               "version": 1
                      *             }
@@ -7204,13 +7205,13 @@ export interface operations {
                      * @example {
                      *       "aliases": {},
                      *       "current": {
-                     *         "changed_at": "2026-11-26T05:52:43.815Z",
+                     *         "changed_at": "2026-11-26T07:07:51.152Z",
                      *         "revision": 1,
                      *         "version": 1
                      *       },
                      *       "history": [
                      *         {
-                     *           "changed_at": "2026-11-26T05:52:43.815Z",
+                     *           "changed_at": "2026-11-26T07:07:51.152Z",
                      *           "revision": 1,
                      *           "version": 1
                      *         }
@@ -7594,18 +7595,18 @@ export interface operations {
                      *         "candidate": 2
                      *       },
                      *       "current": {
-                     *         "changed_at": "2026-11-26T05:52:43.832Z",
+                     *         "changed_at": "2026-11-26T07:07:51.271Z",
                      *         "revision": 2,
                      *         "version": 1
                      *       },
                      *       "history": [
                      *         {
-                     *           "changed_at": "2026-11-26T05:52:43.832Z",
+                     *           "changed_at": "2026-11-26T07:07:51.271Z",
                      *           "revision": 2,
                      *           "version": 1
                      *         },
                      *         {
-                     *           "changed_at": "2026-11-26T05:52:43.815Z",
+                     *           "changed_at": "2026-11-26T07:07:51.152Z",
                      *           "revision": 1,
                      *           "version": 1
                      *         }
@@ -8096,36 +8097,36 @@ export interface operations {
                     /**
                      * @example {
                      *       "catalogue": "default",
-                     *       "created_at": "2026-11-26T05:53:01.227Z",
+                     *       "created_at": "2026-11-26T07:08:02.02Z",
                      *       "done": 0,
                      *       "eta_s": null,
                      *       "finished_at": null,
-                     *       "id": "01a2166a-172a-74cc-9a48-6a6d304a6d1d",
+                     *       "id": "01a216ae-c464-72fa-a4c6-96ff832586b6",
                      *       "reason": null,
                      *       "recalibration": {
                      *         "activate": true,
                      *         "sensor": "digitacts-6x6",
                      *         "sessions": [
-                     *           "01a21669-e84c-7391-9f45-b9f8a49b69b8",
-                     *           "01a21669-eaa8-7448-b174-93e5035429c2",
-                     *           "01a21669-ef1a-7005-98d8-82490d917c01",
-                     *           "01a21669-f0e5-77d6-a3cb-cdc37f091e8a",
-                     *           "01a21669-f3c1-73ab-a16b-ee0a099c8d8b",
-                     *           "01a21669-f581-72a9-895b-122818d521ac",
-                     *           "01a21669-f7ea-73d4-8a01-f30b7f68fce6",
-                     *           "01a21669-f9b6-75ff-baab-6aa2da3d3423",
-                     *           "01a21669-fcfa-7521-840a-bd27f5165dcd",
-                     *           "01a21669-feae-7447-bff5-b69dab9fecec",
-                     *           "01a2166a-0111-7248-b3bf-55b1569c6ec7",
-                     *           "01a2166a-02e1-74cd-8c21-c5e42806b9ed",
-                     *           "01a2166a-0604-722d-9244-b2d4de53722d",
-                     *           "01a2166a-0825-7702-8a20-776382703193",
-                     *           "01a2166a-0aec-74c2-87f6-1e31ae1a941b",
-                     *           "01a2166a-0cbf-752d-b673-df9cf87541e4",
-                     *           "01a2166a-1024-75eb-acc3-f1eee383d71f",
-                     *           "01a2166a-1244-7640-9b29-3dde831d6118",
-                     *           "01a2166a-1508-71d3-9b67-62755e9ad0f8",
-                     *           "01a2166a-1705-74d9-a02d-20d77329b9a7"
+                     *           "01a216ae-a957-76e8-be62-f98072395b0d",
+                     *           "01a216ae-aa73-738b-81bf-dc192ab7972e",
+                     *           "01a216ae-ac13-706a-9d1a-37d572b25b71",
+                     *           "01a216ae-ad04-7484-9efe-e1690e7e3178",
+                     *           "01a216ae-aed0-72ed-911c-e4a554cf7c6f",
+                     *           "01a216ae-aff5-75bb-87e5-20bd398fd921",
+                     *           "01a216ae-b19c-74ee-8db2-a4ade95a5526",
+                     *           "01a216ae-b2cc-71ff-b83e-e02b65dfc9c8",
+                     *           "01a216ae-b493-70ce-bf08-9f33e2d73305",
+                     *           "01a216ae-b593-70b1-b294-2f05a6e6a46e",
+                     *           "01a216ae-b740-7769-af98-bc950e48e522",
+                     *           "01a216ae-b83a-721f-821c-5111049f7f90",
+                     *           "01a216ae-b9e5-748f-b20b-ca51e358a89f",
+                     *           "01a216ae-bb3b-735e-982a-b277f9dd9e5a",
+                     *           "01a216ae-bd21-70de-a64b-a1519c39a731",
+                     *           "01a216ae-be0b-77cf-984f-86a368752782",
+                     *           "01a216ae-bfa4-749e-80de-635c9ce278c7",
+                     *           "01a216ae-c0c8-74b7-94c8-b6f8f226338b",
+                     *           "01a216ae-c327-717b-acc8-b743a6ad5dcb",
+                     *           "01a216ae-c427-7133-b47c-2a74e45a5f9c"
                      *         ],
                      *         "version": 1
                      *       },
@@ -8446,7 +8447,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "changed_at": "2026-11-26T05:52:43.815Z",
+                     *       "changed_at": "2026-11-26T07:07:51.152Z",
                      *       "revision": 1,
                      *       "version": 1
                      *     }
@@ -8645,7 +8646,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "changed_at": "2026-11-26T05:52:43.832Z",
+                     *       "changed_at": "2026-11-26T07:07:51.271Z",
                      *       "revision": 2,
                      *       "version": 1
                      *     }
@@ -8988,13 +8989,13 @@ export interface operations {
                      * @example {
                      *       "aliases": {},
                      *       "current": {
-                     *         "changed_at": "2026-11-26T05:52:43.815Z",
+                     *         "changed_at": "2026-11-26T07:07:51.152Z",
                      *         "revision": 1,
                      *         "version": 1
                      *       },
                      *       "history": [
                      *         {
-                     *           "changed_at": "2026-11-26T05:52:43.815Z",
+                     *           "changed_at": "2026-11-26T07:07:51.152Z",
                      *           "revision": 1,
                      *           "version": 1
                      *         }
@@ -9308,7 +9309,7 @@ export interface operations {
                     /**
                      * @example {
                      *       "catalogue": "lab",
-                     *       "created_at": "2026-11-26T05:52:48.067Z",
+                     *       "created_at": "2026-11-26T07:07:54.398Z",
                      *       "damage": null,
                      *       "is_current": false,
                      *       "job": null,
@@ -9348,7 +9349,7 @@ export interface operations {
                      *                 22
                      *               ]
                      *             },
-                     *             "id": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *             "id": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *             "index_bytes": 90110,
                      *             "n_patches": 100,
                      *             "n_readings": 100,
@@ -9381,7 +9382,7 @@ export interface operations {
                      *                 25
                      *               ]
                      *             },
-                     *             "id": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *             "id": "01a216ae-5a0a-7106-a8c5-7a2e9471c7c6",
                      *             "index_bytes": 83048,
                      *             "n_patches": 100,
                      *             "n_readings": 100,
@@ -9403,7 +9404,7 @@ export interface operations {
                      *             "warnings": []
                      *           }
                      *         ],
-                     *         "seconds": 2.01845,
+                     *         "seconds": 1.45622,
                      *         "seed": 3,
                      *         "sensor_knowledge": "measured",
                      *         "skipped": [],
@@ -9430,12 +9431,12 @@ export interface operations {
                      *         },
                      *         "n_classes": 25,
                      *         "objects": [
-                     *           "01a21669-9f18-72bc-8255-71cd37f55fa2",
-                     *           "01a21669-9f21-7791-8c5a-69cb68db9812"
+                     *           "01a216ae-5a02-757e-b81c-bb5933cb0345",
+                     *           "01a216ae-5a0a-7106-a8c5-7a2e9471c7c6"
                      *         ],
                      *         "readings_per_object": 100,
                      *         "seed": 3,
-                     *         "sensor": "01a21669-99c1-70aa-a1e4-bf9737d62a83",
+                     *         "sensor": "01a216ae-5244-75cb-a116-ff15aaa1169e",
                      *         "sensor_knowledge": "measured",
                      *         "strict": false,
                      *         "surface": true,
@@ -9770,11 +9771,11 @@ export interface operations {
                     /**
                      * @example {
                      *       "catalogue": "default",
-                     *       "created_at": "2026-11-26T05:52:39.822Z",
+                     *       "created_at": "2026-11-26T07:07:48.396Z",
                      *       "done": 0,
                      *       "eta_s": null,
                      *       "finished_at": null,
-                     *       "id": "01a21669-c38e-74ab-a657-b3b81698a508",
+                     *       "id": "01a216ae-8f2c-757c-9f94-cbc14b9d1a93",
                      *       "reason": null,
                      *       "recalibration": null,
                      *       "shadow": null,
@@ -9788,12 +9789,12 @@ export interface operations {
                      *         "descriptor": "mnti",
                      *         "n_classes": 25,
                      *         "objects": [
-                     *           "01a21669-9f18-72bc-8255-71cd37f55fa2",
-                     *           "01a21669-9f21-7791-8c5a-69cb68db9812"
+                     *           "01a216ae-5a02-757e-b81c-bb5933cb0345",
+                     *           "01a216ae-5a0a-7106-a8c5-7a2e9471c7c6"
                      *         ],
                      *         "readings_per_object": 400,
                      *         "seed": 7,
-                     *         "sensor": "01a21669-99c1-70aa-a1e4-bf9737d62a83",
+                     *         "sensor": "01a216ae-5244-75cb-a116-ff15aaa1169e",
                      *         "sensor_knowledge": "measured",
                      *         "strict": false,
                      *         "surface": true,
@@ -10095,10 +10096,10 @@ export interface operations {
                      *       "items": [
                      *         {
                      *           "catalogue": "default",
-                     *           "created_at": "2026-11-26T05:52:43.807Z",
+                     *           "created_at": "2026-11-26T07:07:51.099Z",
                      *           "damage": null,
                      *           "is_current": true,
-                     *           "job": "01a21669-c38e-74ab-a657-b3b81698a508",
+                     *           "job": "01a216ae-8f2c-757c-9f94-cbc14b9d1a93",
                      *           "merged_from": [],
                      *           "report": {
                      *             "appearance": null,
@@ -10109,7 +10110,7 @@ export interface operations {
                      *             "objects": [
                      *               {
                      *                 "geometric": null,
-                     *                 "id": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *                 "id": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *                 "index_bytes": 0,
                      *                 "n_patches": 0,
                      *                 "n_readings": 400,
@@ -10132,7 +10133,7 @@ export interface operations {
                      *               },
                      *               {
                      *                 "geometric": null,
-                     *                 "id": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *                 "id": "01a216ae-5a0a-7106-a8c5-7a2e9471c7c6",
                      *                 "index_bytes": 0,
                      *                 "n_patches": 0,
                      *                 "n_readings": 400,
@@ -10154,7 +10155,7 @@ export interface operations {
                      *                 "warnings": []
                      *               }
                      *             ],
-                     *             "seconds": 3.98194,
+                     *             "seconds": 2.70141,
                      *             "seed": 7,
                      *             "sensor_knowledge": "measured",
                      *             "skipped": [],
@@ -10167,12 +10168,12 @@ export interface operations {
                      *             "descriptor": "mnti",
                      *             "n_classes": 25,
                      *             "objects": [
-                     *               "01a21669-9f18-72bc-8255-71cd37f55fa2",
-                     *               "01a21669-9f21-7791-8c5a-69cb68db9812"
+                     *               "01a216ae-5a02-757e-b81c-bb5933cb0345",
+                     *               "01a216ae-5a0a-7106-a8c5-7a2e9471c7c6"
                      *             ],
                      *             "readings_per_object": 400,
                      *             "seed": 7,
-                     *             "sensor": "01a21669-99c1-70aa-a1e4-bf9737d62a83",
+                     *             "sensor": "01a216ae-5244-75cb-a116-ff15aaa1169e",
                      *             "sensor_knowledge": "measured",
                      *             "strict": false,
                      *             "surface": true,
@@ -10375,10 +10376,10 @@ export interface operations {
                     /**
                      * @example {
                      *       "catalogue": "default",
-                     *       "created_at": "2026-11-26T05:52:43.807Z",
+                     *       "created_at": "2026-11-26T07:07:51.099Z",
                      *       "damage": null,
                      *       "is_current": true,
-                     *       "job": "01a21669-c38e-74ab-a657-b3b81698a508",
+                     *       "job": "01a216ae-8f2c-757c-9f94-cbc14b9d1a93",
                      *       "merged_from": [],
                      *       "report": {
                      *         "appearance": null,
@@ -10389,7 +10390,7 @@ export interface operations {
                      *         "objects": [
                      *           {
                      *             "geometric": null,
-                     *             "id": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *             "id": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *             "index_bytes": 0,
                      *             "n_patches": 0,
                      *             "n_readings": 400,
@@ -10412,7 +10413,7 @@ export interface operations {
                      *           },
                      *           {
                      *             "geometric": null,
-                     *             "id": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *             "id": "01a216ae-5a0a-7106-a8c5-7a2e9471c7c6",
                      *             "index_bytes": 0,
                      *             "n_patches": 0,
                      *             "n_readings": 400,
@@ -10434,7 +10435,7 @@ export interface operations {
                      *             "warnings": []
                      *           }
                      *         ],
-                     *         "seconds": 3.98194,
+                     *         "seconds": 2.70141,
                      *         "seed": 7,
                      *         "sensor_knowledge": "measured",
                      *         "skipped": [],
@@ -10447,12 +10448,12 @@ export interface operations {
                      *         "descriptor": "mnti",
                      *         "n_classes": 25,
                      *         "objects": [
-                     *           "01a21669-9f18-72bc-8255-71cd37f55fa2",
-                     *           "01a21669-9f21-7791-8c5a-69cb68db9812"
+                     *           "01a216ae-5a02-757e-b81c-bb5933cb0345",
+                     *           "01a216ae-5a0a-7106-a8c5-7a2e9471c7c6"
                      *         ],
                      *         "readings_per_object": 400,
                      *         "seed": 7,
-                     *         "sensor": "01a21669-99c1-70aa-a1e4-bf9737d62a83",
+                     *         "sensor": "01a216ae-5244-75cb-a116-ff15aaa1169e",
                      *         "sensor_knowledge": "measured",
                      *         "strict": false,
                      *         "surface": true,
@@ -10842,7 +10843,7 @@ export interface operations {
                      *         "min": 0.008,
                      *         "n_bins": 40
                      *       },
-                     *       "id": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *       "id": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *       "index_bytes": 90110,
                      *       "n_patches": 100,
                      *       "n_postings": 6351,
@@ -11087,7 +11088,7 @@ export interface operations {
                      * @example {
                      *       "cell": 0.004,
                      *       "has_force": false,
-                     *       "id": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *       "id": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *       "kind": "solid",
                      *       "log_odds": [
                      *         0,
@@ -12215,7 +12216,7 @@ export interface operations {
                      *       "objects": [
                      *         {
                      *           "geometric": null,
-                     *           "id": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *           "id": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *           "index_bytes": 0,
                      *           "n_patches": 0,
                      *           "n_readings": 400,
@@ -12238,7 +12239,7 @@ export interface operations {
                      *         },
                      *         {
                      *           "geometric": null,
-                     *           "id": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *           "id": "01a216ae-5a0a-7106-a8c5-7a2e9471c7c6",
                      *           "index_bytes": 0,
                      *           "n_patches": 0,
                      *           "n_readings": 400,
@@ -12260,7 +12261,7 @@ export interface operations {
                      *           "warnings": []
                      *         }
                      *       ],
-                     *       "seconds": 3.98194,
+                     *       "seconds": 2.70141,
                      *       "seed": 7,
                      *       "sensor_knowledge": "measured",
                      *       "skipped": [],
@@ -12482,7 +12483,7 @@ export interface operations {
                      *             12,
                      *             7.70997e-21
                      *           ],
-                     *           "id": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *           "id": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *           "n_held_back": 20,
                      *           "n_readings": 80,
                      *           "name": "mug"
@@ -12498,7 +12499,7 @@ export interface operations {
                      *             1.27214e-58,
                      *             8.01758
                      *           ],
-                     *           "id": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *           "id": "01a216ae-5a0a-7106-a8c5-7a2e9471c7c6",
                      *           "n_held_back": 20,
                      *           "n_readings": 80,
                      *           "name": "hammer"
@@ -12708,37 +12709,37 @@ export interface operations {
                     /**
                      * @example {
                      *       "catalogue": "default",
-                     *       "created_at": "2026-11-26T05:53:01.446Z",
+                     *       "created_at": "2026-11-26T07:08:02.136Z",
                      *       "done": 0,
                      *       "eta_s": null,
                      *       "finished_at": null,
-                     *       "id": "01a2166a-1806-735a-bbe2-233251e0465a",
+                     *       "id": "01a216ae-c4d8-74c0-be71-3a82e7b65c90",
                      *       "reason": null,
                      *       "recalibration": null,
                      *       "shadow": {
                      *         "against": 1,
                      *         "risk": 0.05,
                      *         "sessions": [
-                     *           "01a21669-e84c-7391-9f45-b9f8a49b69b8",
-                     *           "01a21669-eaa8-7448-b174-93e5035429c2",
-                     *           "01a21669-ef1a-7005-98d8-82490d917c01",
-                     *           "01a21669-f0e5-77d6-a3cb-cdc37f091e8a",
-                     *           "01a21669-f3c1-73ab-a16b-ee0a099c8d8b",
-                     *           "01a21669-f581-72a9-895b-122818d521ac",
-                     *           "01a21669-f7ea-73d4-8a01-f30b7f68fce6",
-                     *           "01a21669-f9b6-75ff-baab-6aa2da3d3423",
-                     *           "01a21669-fcfa-7521-840a-bd27f5165dcd",
-                     *           "01a21669-feae-7447-bff5-b69dab9fecec",
-                     *           "01a2166a-0111-7248-b3bf-55b1569c6ec7",
-                     *           "01a2166a-02e1-74cd-8c21-c5e42806b9ed",
-                     *           "01a2166a-0604-722d-9244-b2d4de53722d",
-                     *           "01a2166a-0825-7702-8a20-776382703193",
-                     *           "01a2166a-0aec-74c2-87f6-1e31ae1a941b",
-                     *           "01a2166a-0cbf-752d-b673-df9cf87541e4",
-                     *           "01a2166a-1024-75eb-acc3-f1eee383d71f",
-                     *           "01a2166a-1244-7640-9b29-3dde831d6118",
-                     *           "01a2166a-1508-71d3-9b67-62755e9ad0f8",
-                     *           "01a2166a-1705-74d9-a02d-20d77329b9a7"
+                     *           "01a216ae-a957-76e8-be62-f98072395b0d",
+                     *           "01a216ae-aa73-738b-81bf-dc192ab7972e",
+                     *           "01a216ae-ac13-706a-9d1a-37d572b25b71",
+                     *           "01a216ae-ad04-7484-9efe-e1690e7e3178",
+                     *           "01a216ae-aed0-72ed-911c-e4a554cf7c6f",
+                     *           "01a216ae-aff5-75bb-87e5-20bd398fd921",
+                     *           "01a216ae-b19c-74ee-8db2-a4ade95a5526",
+                     *           "01a216ae-b2cc-71ff-b83e-e02b65dfc9c8",
+                     *           "01a216ae-b493-70ce-bf08-9f33e2d73305",
+                     *           "01a216ae-b593-70b1-b294-2f05a6e6a46e",
+                     *           "01a216ae-b740-7769-af98-bc950e48e522",
+                     *           "01a216ae-b83a-721f-821c-5111049f7f90",
+                     *           "01a216ae-b9e5-748f-b20b-ca51e358a89f",
+                     *           "01a216ae-bb3b-735e-982a-b277f9dd9e5a",
+                     *           "01a216ae-bd21-70de-a64b-a1519c39a731",
+                     *           "01a216ae-be0b-77cf-984f-86a368752782",
+                     *           "01a216ae-bfa4-749e-80de-635c9ce278c7",
+                     *           "01a216ae-c0c8-74b7-94c8-b6f8f226338b",
+                     *           "01a216ae-c327-717b-acc8-b743a6ad5dcb",
+                     *           "01a216ae-c427-7133-b47c-2a74e45a5f9c"
                      *         ]
                      *       },
                      *       "shadow_report": null,
@@ -13049,9 +13050,9 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "after_bytes": 3654711,
+                     *       "after_bytes": 3656240,
                      *       "before_bytes": 8388670,
-                     *       "live_bytes": 3625734
+                     *       "live_bytes": 3627243
                      *     }
                      */
                     "application/json": components["schemas"]["Compacted"];
@@ -13212,7 +13213,7 @@ export interface operations {
                     /**
                      * @example event: belief
                      *     id: 3
-                     *     data: {"kind":"belief","belief":{"session":"01a21669-e420-7688-b464-66051b915281","revision":3,"n_readings":0,"objects":[{"object":"01a21669-9f18-72bc-8255-71cd37f55fa2","name":"mug","probability":0.47500000000000003},{"object":"01a21669-9f21-7791-8c5a-69cb68db9812","name":"hammer","probability":0.…
+                     *     data: {"kind":"belief","belief":{"session":"01a216ae-a6fd-7708-a60b-fd899eccb73f","revision":3,"n_readings":0,"objects":[{"object":"01a216ae-5a02-757e-b81c-bb5933cb0345","name":"mug","probability":0.47500000000000003},{"object":"01a216ae-5a0a-7106-a8c5-7a2e9471c7c6","name":"hammer","probability":0.…
                      */
                     "text/event-stream": string;
                 };
@@ -13382,7 +13383,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "at": "2026-11-26T05:52:48.204Z",
+                     *       "at": "2026-11-26T07:07:54.573Z",
                      *       "n_needed": 0,
                      *       "n_open": 2,
                      *       "next_cursor": null,
@@ -13394,27 +13395,27 @@ export interface operations {
                      *             "level": "working",
                      *             "muted_until": null,
                      *             "reason": "readings arrive",
-                     *             "since": "2026-11-26T05:52:48.194Z"
+                     *             "since": "2026-11-26T07:07:54.531Z"
                      *           },
-                     *           "last_reading_at": "2026-11-26T05:52:48.194Z",
+                     *           "last_reading_at": "2026-11-26T07:07:54.531Z",
                      *           "session": {
                      *             "bins": null,
                      *             "catalogue": "default",
                      *             "closed_at": null,
-                     *             "created_at": "2026-11-26T05:52:48.16Z",
+                     *             "created_at": "2026-11-26T07:07:54.493Z",
                      *             "ended": null,
-                     *             "expires_at": "2026-11-26T06:52:48.202Z",
+                     *             "expires_at": "2026-11-26T08:07:54.563Z",
                      *             "frame_id": "base_link",
-                     *             "id": "01a21669-e420-7688-b464-66051b915281",
+                     *             "id": "01a216ae-a6fd-7708-a60b-fd899eccb73f",
                      *             "labels": {
                      *               "order": "4711",
                      *               "shift": "night"
                      *             },
                      *             "latest": {
-                     *               "at": "2026-11-26T05:52:48.194Z",
+                     *               "at": "2026-11-26T07:07:54.531Z",
                      *               "best": {
                      *                 "name": "hammer",
-                     *                 "object": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *                 "object": "01a216ae-5a0a-7106-a8c5-7a2e9471c7c6",
                      *                 "probability": 0.874529
                      *               },
                      *               "entropy_bits": 0.63377,
@@ -13423,7 +13424,7 @@ export interface operations {
                      *               "unknown": 0.0242583
                      *             },
                      *             "leased_by": null,
-                     *             "leased_until": "2026-11-26T06:52:48.202Z",
+                     *             "leased_until": "2026-11-26T08:07:54.563Z",
                      *             "method": "surface",
                      *             "n_readings": 1,
                      *             "n_retracted": 0,
@@ -13452,24 +13453,24 @@ export interface operations {
                      *             "level": "sure",
                      *             "muted_until": null,
                      *             "reason": "mug is sure",
-                     *             "since": "2026-11-26T05:52:48.075Z"
+                     *             "since": "2026-11-26T07:07:54.449Z"
                      *           },
-                     *           "last_reading_at": "2026-11-26T05:52:48.075Z",
+                     *           "last_reading_at": "2026-11-26T07:07:54.449Z",
                      *           "session": {
                      *             "bins": null,
                      *             "catalogue": "lab",
                      *             "closed_at": null,
-                     *             "created_at": "2026-11-26T05:52:48.074Z",
+                     *             "created_at": "2026-11-26T07:07:54.439Z",
                      *             "ended": null,
-                     *             "expires_at": "2026-11-27T05:52:48.075Z",
+                     *             "expires_at": "2026-11-27T07:07:54.449Z",
                      *             "frame_id": null,
-                     *             "id": "01a21669-e3ca-7559-8230-d4b42a38d4a6",
+                     *             "id": "01a216ae-a6c7-764b-988f-4e57f8f7e3ff",
                      *             "labels": {},
                      *             "latest": {
-                     *               "at": "2026-11-26T05:52:48.075Z",
+                     *               "at": "2026-11-26T07:07:54.449Z",
                      *               "best": {
                      *                 "name": "mug",
-                     *                 "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *                 "object": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *                 "probability": 0.989422
                      *               },
                      *               "entropy_bits": 0.0846035,
@@ -13697,7 +13698,7 @@ export interface operations {
                      *       "results": [
                      *         {
                      *           "problem": null,
-                     *           "session": "01a21669-e420-7688-b464-66051b915281"
+                     *           "session": "01a216ae-a6fd-7708-a60b-fd899eccb73f"
                      *         }
                      *       ]
                      *     }
@@ -13976,7 +13977,7 @@ export interface operations {
                      *       "results": [
                      *         {
                      *           "problem": null,
-                     *           "session": "01a21669-e420-7688-b464-66051b915281"
+                     *           "session": "01a216ae-a6fd-7708-a60b-fd899eccb73f"
                      *         }
                      *       ]
                      *     }
@@ -14248,17 +14249,17 @@ export interface operations {
                      *       "items": [
                      *         {
                      *           "catalogue": "default",
-                     *           "created_at": "2026-11-26T05:52:39.822Z",
+                     *           "created_at": "2026-11-26T07:07:48.396Z",
                      *           "done": 0,
                      *           "eta_s": null,
-                     *           "finished_at": "2026-11-26T05:52:43.816Z",
-                     *           "id": "01a21669-c38e-74ab-a657-b3b81698a508",
+                     *           "finished_at": "2026-11-26T07:07:51.155Z",
+                     *           "id": "01a216ae-8f2c-757c-9f94-cbc14b9d1a93",
                      *           "reason": null,
                      *           "recalibration": null,
                      *           "shadow": null,
                      *           "shadow_report": null,
                      *           "stage": null,
-                     *           "started_at": "2026-11-26T05:52:39.823Z",
+                     *           "started_at": "2026-11-26T07:07:48.397Z",
                      *           "state": "succeeded",
                      *           "total": 0,
                      *           "training": {
@@ -14266,12 +14267,12 @@ export interface operations {
                      *             "descriptor": "mnti",
                      *             "n_classes": 25,
                      *             "objects": [
-                     *               "01a21669-9f18-72bc-8255-71cd37f55fa2",
-                     *               "01a21669-9f21-7791-8c5a-69cb68db9812"
+                     *               "01a216ae-5a02-757e-b81c-bb5933cb0345",
+                     *               "01a216ae-5a0a-7106-a8c5-7a2e9471c7c6"
                      *             ],
                      *             "readings_per_object": 400,
                      *             "seed": 7,
-                     *             "sensor": "01a21669-99c1-70aa-a1e4-bf9737d62a83",
+                     *             "sensor": "01a216ae-5244-75cb-a116-ff15aaa1169e",
                      *             "sensor_knowledge": "measured",
                      *             "strict": false,
                      *             "surface": true,
@@ -14446,17 +14447,17 @@ export interface operations {
                     /**
                      * @example {
                      *       "catalogue": "default",
-                     *       "created_at": "2026-11-26T05:52:39.822Z",
+                     *       "created_at": "2026-11-26T07:07:48.396Z",
                      *       "done": 0,
                      *       "eta_s": null,
-                     *       "finished_at": "2026-11-26T05:52:43.816Z",
-                     *       "id": "01a21669-c38e-74ab-a657-b3b81698a508",
+                     *       "finished_at": "2026-11-26T07:07:51.155Z",
+                     *       "id": "01a216ae-8f2c-757c-9f94-cbc14b9d1a93",
                      *       "reason": null,
                      *       "recalibration": null,
                      *       "shadow": null,
                      *       "shadow_report": null,
                      *       "stage": null,
-                     *       "started_at": "2026-11-26T05:52:39.823Z",
+                     *       "started_at": "2026-11-26T07:07:48.397Z",
                      *       "state": "succeeded",
                      *       "total": 0,
                      *       "training": {
@@ -14464,12 +14465,12 @@ export interface operations {
                      *         "descriptor": "mnti",
                      *         "n_classes": 25,
                      *         "objects": [
-                     *           "01a21669-9f18-72bc-8255-71cd37f55fa2",
-                     *           "01a21669-9f21-7791-8c5a-69cb68db9812"
+                     *           "01a216ae-5a02-757e-b81c-bb5933cb0345",
+                     *           "01a216ae-5a0a-7106-a8c5-7a2e9471c7c6"
                      *         ],
                      *         "readings_per_object": 400,
                      *         "seed": 7,
-                     *         "sensor": "01a21669-99c1-70aa-a1e4-bf9737d62a83",
+                     *         "sensor": "01a216ae-5244-75cb-a116-ff15aaa1169e",
                      *         "sensor_knowledge": "measured",
                      *         "strict": false,
                      *         "surface": true,
@@ -14829,17 +14830,17 @@ export interface operations {
                     /**
                      * @example {
                      *       "catalogue": "other",
-                     *       "created_at": "2026-11-26T05:53:01.62Z",
+                     *       "created_at": "2026-11-26T07:08:02.291Z",
                      *       "done": 0,
                      *       "eta_s": null,
-                     *       "finished_at": "2026-11-26T05:53:02.138Z",
-                     *       "id": "01a2166a-18b4-75c2-a7b3-3fd0ed1c3603",
+                     *       "finished_at": "2026-11-26T07:08:02.754Z",
+                     *       "id": "01a216ae-c573-723d-adec-1c7580d02588",
                      *       "reason": "it was cancelled while it ran",
                      *       "recalibration": null,
                      *       "shadow": null,
                      *       "shadow_report": null,
                      *       "stage": null,
-                     *       "started_at": "2026-11-26T05:53:01.62Z",
+                     *       "started_at": "2026-11-26T07:08:02.296Z",
                      *       "state": "cancelled",
                      *       "total": 0,
                      *       "training": {
@@ -14847,11 +14848,11 @@ export interface operations {
                      *         "descriptor": "mnti",
                      *         "n_classes": 25,
                      *         "objects": [
-                     *           "01a21669-9f21-7791-8c5a-69cb68db9812"
+                     *           "01a216ae-5a0a-7106-a8c5-7a2e9471c7c6"
                      *         ],
                      *         "readings_per_object": 20000,
                      *         "seed": 1,
-                     *         "sensor": "01a21669-99c1-70aa-a1e4-bf9737d62a83",
+                     *         "sensor": "01a216ae-5244-75cb-a116-ff15aaa1169e",
                      *         "sensor_knowledge": "measured",
                      *         "strict": false,
                      *         "surface": true,
@@ -15057,7 +15058,7 @@ export interface operations {
                 content: {
                     /**
                      * @example event: job
-                     *     data: {"id":"01a21669-c38e-74ab-a657-b3b81698a508","catalogue":"default","state":"succeeded","stage":null,"done":0,"total":0,"eta_s":null,"training":{"objects":["01a21669-9f18-72bc-8255-71cd37f55fa2","01a21669-9f21-7791-8c5a-69cb68db9812"],"sensor":"01a21669-99c1-70aa-a1e4-bf9737d62a83","sensor_kno…
+                     *     data: {"id":"01a216ae-8f2c-757c-9f94-cbc14b9d1a93","catalogue":"default","state":"succeeded","stage":null,"done":0,"total":0,"eta_s":null,"training":{"objects":["01a216ae-5a02-757e-b81c-bb5933cb0345","01a216ae-5a0a-7106-a8c5-7a2e9471c7c6"],"sensor":"01a216ae-5244-75cb-a116-ff15aaa1169e","sensor_kno…
                      */
                     "text/event-stream": string;
                 };
@@ -15221,9 +15222,9 @@ export interface operations {
                      *       "items": [
                      *         {
                      *           "active": true,
-                     *           "created_at": "2026-11-26T05:53:02.169Z",
-                     *           "expires_at": "2027-11-26T05:53:02.169Z",
-                     *           "id": "01a2166a-1ad9-777f-9c66-ec9c42e4ee65",
+                     *           "created_at": "2026-11-26T07:08:02.779Z",
+                     *           "expires_at": "2027-11-26T07:08:02.779Z",
+                     *           "id": "01a216ae-c75b-7050-a5b3-e0e92c2df6d2",
                      *           "last_used_at": null,
                      *           "name": "arm-3",
                      *           "revoked_at": null,
@@ -15409,9 +15410,9 @@ export interface operations {
                      * @example {
                      *       "key": {
                      *         "active": true,
-                     *         "created_at": "2026-11-26T05:53:02.169Z",
-                     *         "expires_at": "2027-11-26T05:53:02.169Z",
-                     *         "id": "01a2166a-1ad9-777f-9c66-ec9c42e4ee65",
+                     *         "created_at": "2026-11-26T07:08:02.779Z",
+                     *         "expires_at": "2027-11-26T07:08:02.779Z",
+                     *         "id": "01a216ae-c75b-7050-a5b3-e0e92c2df6d2",
                      *         "last_used_at": null,
                      *         "name": "arm-3",
                      *         "revoked_at": null,
@@ -15705,9 +15706,9 @@ export interface operations {
                     /**
                      * @example {
                      *       "active": true,
-                     *       "created_at": "2026-11-26T05:53:02.169Z",
-                     *       "expires_at": "2027-11-26T05:53:02.169Z",
-                     *       "id": "01a2166a-1ad9-777f-9c66-ec9c42e4ee65",
+                     *       "created_at": "2026-11-26T07:08:02.779Z",
+                     *       "expires_at": "2027-11-26T07:08:02.779Z",
+                     *       "id": "01a216ae-c75b-7050-a5b3-e0e92c2df6d2",
                      *       "last_used_at": null,
                      *       "name": "arm-3",
                      *       "revoked_at": null,
@@ -16077,14 +16078,14 @@ export interface operations {
                      * @example {
                      *       "key": {
                      *         "active": true,
-                     *         "created_at": "2026-11-26T05:53:02.169Z",
-                     *         "expires_at": "2027-11-26T05:53:02.169Z",
-                     *         "id": "01a2166a-1ad9-777f-9c66-ec9c42e4ee65",
+                     *         "created_at": "2026-11-26T07:08:02.779Z",
+                     *         "expires_at": "2027-11-26T07:08:02.779Z",
+                     *         "id": "01a216ae-c75b-7050-a5b3-e0e92c2df6d2",
                      *         "last_used_at": null,
                      *         "name": "arm-3",
                      *         "revoked_at": null,
                      *         "role": "robot",
-                     *         "rotating_until": "2026-11-26T06:53:02.173Z",
+                     *         "rotating_until": "2026-11-26T08:08:02.785Z",
                      *         "stored_bytes": 0
                      *       },
                      *       "secret": "palpate_00000000000000000000000000000000_0000000000000000000000000000000000000000000000000000000000000000"
@@ -16402,9 +16403,9 @@ export interface operations {
                      * @example {
                      *       "items": [
                      *         {
-                     *           "created_at": "2026-11-26T05:52:30.488Z",
+                     *           "created_at": "2026-11-26T07:07:34.786Z",
                      *           "description": "the blue one with the chipped rim",
-                     *           "id": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *           "id": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *           "labels": {
                      *             "customer": "acme",
                      *             "shelf": "b-12"
@@ -16414,27 +16415,27 @@ export interface operations {
                      *             "format": "stl",
                      *             "hash": "812300795c671ddeae70f0ac9f14a376a45bdf16f8d3a5cfe641bb0ff1d55f83",
                      *             "unit": "mm",
-                     *             "uploaded_at": "2026-11-26T05:52:30.559Z"
+                     *             "uploaded_at": "2026-11-26T07:07:34.855Z"
                      *           },
                      *           "n_readings": 0,
                      *           "name": "mug",
-                     *           "updated_at": "2026-11-26T05:52:30.767Z"
+                     *           "updated_at": "2026-11-26T07:07:35.018Z"
                      *         },
                      *         {
-                     *           "created_at": "2026-11-26T05:52:30.497Z",
+                     *           "created_at": "2026-11-26T07:07:34.794Z",
                      *           "description": "",
-                     *           "id": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *           "id": "01a216ae-5a0a-7106-a8c5-7a2e9471c7c6",
                      *           "labels": {},
                      *           "mesh": {
                      *             "bytes": 792684,
                      *             "format": "stl",
                      *             "hash": "737a91b6260ca499f13d164fe806a7f073b6d2fc0f68edcff6c0c59c8590a3a5",
                      *             "unit": "mm",
-                     *             "uploaded_at": "2026-11-26T05:52:30.707Z"
+                     *             "uploaded_at": "2026-11-26T07:07:34.942Z"
                      *           },
                      *           "n_readings": 0,
                      *           "name": "hammer",
-                     *           "updated_at": "2026-11-26T05:52:30.497Z"
+                     *           "updated_at": "2026-11-26T07:07:34.794Z"
                      *         }
                      *       ],
                      *       "next_cursor": null
@@ -16611,14 +16612,14 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "created_at": "2026-11-26T05:52:30.488Z",
+                     *       "created_at": "2026-11-26T07:07:34.786Z",
                      *       "description": "the blue one",
-                     *       "id": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *       "id": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *       "labels": {},
                      *       "mesh": null,
                      *       "n_readings": 0,
                      *       "name": "mug",
-                     *       "updated_at": "2026-11-26T05:52:30.488Z"
+                     *       "updated_at": "2026-11-26T07:07:34.786Z"
                      *     }
                      */
                     "application/json": components["schemas"]["ObjectInfo"];
@@ -16906,20 +16907,20 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "created_at": "2026-11-26T05:52:30.488Z",
+                     *       "created_at": "2026-11-26T07:07:34.786Z",
                      *       "description": "the blue one",
-                     *       "id": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *       "id": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *       "labels": {},
                      *       "mesh": {
                      *         "bytes": 2333884,
                      *         "format": "stl",
                      *         "hash": "812300795c671ddeae70f0ac9f14a376a45bdf16f8d3a5cfe641bb0ff1d55f83",
                      *         "unit": "mm",
-                     *         "uploaded_at": "2026-11-26T05:52:30.559Z"
+                     *         "uploaded_at": "2026-11-26T07:07:34.855Z"
                      *       },
                      *       "n_readings": 0,
                      *       "name": "mug",
-                     *       "updated_at": "2026-11-26T05:52:30.488Z"
+                     *       "updated_at": "2026-11-26T07:07:34.786Z"
                      *     }
                      */
                     "application/json": components["schemas"]["ObjectInfo"];
@@ -17287,20 +17288,20 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "created_at": "2026-11-26T05:52:30.488Z",
+                     *       "created_at": "2026-11-26T07:07:34.786Z",
                      *       "description": "the blue one with the chipped rim",
-                     *       "id": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *       "id": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *       "labels": {},
                      *       "mesh": {
                      *         "bytes": 2333884,
                      *         "format": "stl",
                      *         "hash": "812300795c671ddeae70f0ac9f14a376a45bdf16f8d3a5cfe641bb0ff1d55f83",
                      *         "unit": "mm",
-                     *         "uploaded_at": "2026-11-26T05:52:30.559Z"
+                     *         "uploaded_at": "2026-11-26T07:07:34.855Z"
                      *       },
                      *       "n_readings": 0,
                      *       "name": "mug",
-                     *       "updated_at": "2026-11-26T05:52:30.749Z"
+                     *       "updated_at": "2026-11-26T07:07:34.987Z"
                      *     }
                      */
                     "application/json": components["schemas"]["ObjectInfo"];
@@ -17620,9 +17621,9 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "created_at": "2026-11-26T05:52:30.488Z",
+                     *       "created_at": "2026-11-26T07:07:34.786Z",
                      *       "description": "the blue one with the chipped rim",
-                     *       "id": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *       "id": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *       "labels": {
                      *         "customer": "acme",
                      *         "shelf": "b-12"
@@ -17632,11 +17633,11 @@ export interface operations {
                      *         "format": "stl",
                      *         "hash": "812300795c671ddeae70f0ac9f14a376a45bdf16f8d3a5cfe641bb0ff1d55f83",
                      *         "unit": "mm",
-                     *         "uploaded_at": "2026-11-26T05:52:30.559Z"
+                     *         "uploaded_at": "2026-11-26T07:07:34.855Z"
                      *       },
                      *       "n_readings": 0,
                      *       "name": "mug",
-                     *       "updated_at": "2026-11-26T05:52:30.767Z"
+                     *       "updated_at": "2026-11-26T07:07:35.018Z"
                      *     }
                      */
                     "application/json": components["schemas"]["ObjectInfo"];
@@ -18100,7 +18101,7 @@ export interface operations {
                      *         "format": "stl",
                      *         "hash": "812300795c671ddeae70f0ac9f14a376a45bdf16f8d3a5cfe641bb0ff1d55f83",
                      *         "unit": "mm",
-                     *         "uploaded_at": "2026-11-26T05:52:30.559Z"
+                     *         "uploaded_at": "2026-11-26T07:07:34.855Z"
                      *       },
                      *       "n_triangles": 46676,
                      *       "n_vertices": 23338,
@@ -18459,7 +18460,7 @@ export interface operations {
                      *             ]
                      *           },
                      *           "robot": "arm-3",
-                     *           "sensor": "01a21669-99c1-70aa-a1e4-bf9737d62a83",
+                     *           "sensor": "01a216ae-5244-75cb-a116-ff15aaa1169e",
                      *           "seq": 1,
                      *           "shear": null,
                      *           "stamp": {
@@ -19536,11 +19537,11 @@ export interface operations {
                      *       "items": [
                      *         {
                      *           "holder": {
-                     *             "key_id": "01a2166a-1ad9-777f-9c66-ec9c42e4ee65",
+                     *             "key_id": "01a216ae-c75b-7050-a5b3-e0e92c2df6d2",
                      *             "key_name": "arm-3"
                      *           },
                      *           "name": "left-arm",
-                     *           "since": "2026-11-26T05:53:02.175Z"
+                     *           "since": "2026-11-26T07:08:02.795Z"
                      *         }
                      *       ],
                      *       "next_cursor": null
@@ -19721,11 +19722,11 @@ export interface operations {
                     /**
                      * @example {
                      *       "holder": {
-                     *         "key_id": "01a2166a-1ad9-777f-9c66-ec9c42e4ee65",
+                     *         "key_id": "01a216ae-c75b-7050-a5b3-e0e92c2df6d2",
                      *         "key_name": "arm-3"
                      *       },
                      *       "name": "left-arm",
-                     *       "since": "2026-11-26T05:53:02.175Z"
+                     *       "since": "2026-11-26T07:08:02.795Z"
                      *     }
                      */
                     "application/json": components["schemas"]["Robot"];
@@ -20217,7 +20218,7 @@ export interface operations {
                      *       "items": [
                      *         {
                      *           "calibration": null,
-                     *           "created_at": "2026-11-26T05:52:29.121Z",
+                     *           "created_at": "2026-11-26T07:07:32.804Z",
                      *           "description": {
                      *             "coupling": {
                      *               "cross_talk": 0,
@@ -20256,7 +20257,7 @@ export interface operations {
                      *             "saturation": 20000,
                      *             "taxels": null
                      *           },
-                     *           "id": "01a21669-99c1-70aa-a1e4-bf9737d62a83",
+                     *           "id": "01a216ae-5244-75cb-a116-ff15aaa1169e",
                      *           "labels": {},
                      *           "layout": null,
                      *           "name": "digitacts-6x6",
@@ -20266,7 +20267,7 @@ export interface operations {
                      *         },
                      *         {
                      *           "calibration": null,
-                     *           "created_at": "2026-11-26T05:52:29.122Z",
+                     *           "created_at": "2026-11-26T07:07:32.805Z",
                      *           "description": {
                      *             "coupling": {
                      *               "cross_talk": 0,
@@ -20305,7 +20306,7 @@ export interface operations {
                      *             "saturation": 20000,
                      *             "taxels": null
                      *           },
-                     *           "id": "01a21669-99c2-75de-a7e8-f404b8d23ead",
+                     *           "id": "01a216ae-5245-71a4-a0e2-c92c4ac41c09",
                      *           "labels": {},
                      *           "layout": null,
                      *           "name": "digitacts-6x6-thin",
@@ -20314,7 +20315,7 @@ export interface operations {
                      *           "sensor_knowledge": "measured"
                      *         }
                      *       ],
-                     *       "next_cursor": "01a2166999c275dea7e8f404b8d23ead"
+                     *       "next_cursor": "01a216ae524571a4a0e2c92c4ac41c09"
                      *     }
                      */
                     "application/json": components["schemas"]["SensorPage"];
@@ -20524,7 +20525,7 @@ export interface operations {
                     /**
                      * @example {
                      *       "calibration": null,
-                     *       "created_at": "2026-11-26T05:52:30.999Z",
+                     *       "created_at": "2026-11-26T07:07:35.391Z",
                      *       "description": {
                      *         "coupling": {
                      *           "cross_talk": 0,
@@ -20591,7 +20592,7 @@ export interface operations {
                      *         "saturation": 20000,
                      *         "taxels": null
                      *       },
-                     *       "id": "01a21669-a117-73b1-ac5f-3c4c86c566ee",
+                     *       "id": "01a216ae-5c5f-77a2-bdd4-757c3b70ff29",
                      *       "labels": {},
                      *       "layout": null,
                      *       "name": "left-finger",
@@ -20886,7 +20887,7 @@ export interface operations {
                     /**
                      * @example {
                      *       "calibration": null,
-                     *       "created_at": "2026-11-26T05:52:30.999Z",
+                     *       "created_at": "2026-11-26T07:07:35.391Z",
                      *       "description": {
                      *         "coupling": {
                      *           "cross_talk": 0,
@@ -20953,7 +20954,7 @@ export interface operations {
                      *         "saturation": 20000,
                      *         "taxels": null
                      *       },
-                     *       "id": "01a21669-a117-73b1-ac5f-3c4c86c566ee",
+                     *       "id": "01a216ae-5c5f-77a2-bdd4-757c3b70ff29",
                      *       "labels": {},
                      *       "layout": null,
                      *       "name": "left-finger",
@@ -21329,12 +21330,12 @@ export interface operations {
                      *         "r_squared": 0.954843,
                      *         "residual": 322.537
                      *       },
-                     *       "created_at": "2026-11-26T05:52:31.027Z",
+                     *       "created_at": "2026-11-26T07:07:35.445Z",
                      *       "n_presses": 12,
                      *       "n_unusable": 2,
                      *       "number": 1,
                      *       "passport": null,
-                     *       "sensor": "01a21669-a117-73b1-ac5f-3c4c86c566ee",
+                     *       "sensor": "01a216ae-5c5f-77a2-bdd4-757c3b70ff29",
                      *       "spread": null,
                      *       "target": {
                      *         "offset": 169.7,
@@ -21732,12 +21733,12 @@ export interface operations {
                      *         "r_squared": 0.954843,
                      *         "residual": 322.537
                      *       },
-                     *       "created_at": "2026-11-26T05:52:31.027Z",
+                     *       "created_at": "2026-11-26T07:07:35.445Z",
                      *       "n_presses": 12,
                      *       "n_unusable": 2,
                      *       "number": 1,
                      *       "passport": null,
-                     *       "sensor": "01a21669-a117-73b1-ac5f-3c4c86c566ee",
+                     *       "sensor": "01a216ae-5c5f-77a2-bdd4-757c3b70ff29",
                      *       "spread": null,
                      *       "target": {
                      *         "offset": 169.7,
@@ -22827,7 +22828,7 @@ export interface operations {
                      *       },
                      *       "residual_after": 0.0319159,
                      *       "residual_before": 0.250508,
-                     *       "sensor": "01a21669-99cc-7478-b587-22083de5af4a",
+                     *       "sensor": "01a216ae-5247-76f3-8aa6-a8563beabd88",
                      *       "session_from_object": {
                      *         "orientation": [
                      *           0.63383,
@@ -23310,7 +23311,7 @@ export interface operations {
                      *       "name": "left-finger",
                      *       "reasons": [],
                      *       "rest": null,
-                     *       "sensor": "01a21669-a117-73b1-ac5f-3c4c86c566ee",
+                     *       "sensor": "01a216ae-5c5f-77a2-bdd4-757c3b70ff29",
                      *       "state": "unknown",
                      *       "stuck": [],
                      *       "summary": "too little is known: expected ten presses that meet nothing, or three sessions that recognise an object with six touches or more",
@@ -23489,7 +23490,7 @@ export interface operations {
                     /**
                      * @example {
                      *       "calibration": null,
-                     *       "created_at": "2026-11-26T05:52:30.999Z",
+                     *       "created_at": "2026-11-26T07:07:35.391Z",
                      *       "description": {
                      *         "coupling": {
                      *           "cross_talk": 0,
@@ -23556,7 +23557,7 @@ export interface operations {
                      *         "saturation": 20000,
                      *         "taxels": null
                      *       },
-                     *       "id": "01a21669-a117-73b1-ac5f-3c4c86c566ee",
+                     *       "id": "01a216ae-5c5f-77a2-bdd4-757c3b70ff29",
                      *       "labels": {
                      *         "cell": "3"
                      *       },
@@ -23856,7 +23857,7 @@ export interface operations {
                     /**
                      * @example {
                      *       "corrections": [],
-                     *       "created_at": "2026-11-26T05:52:39.803Z",
+                     *       "created_at": "2026-11-26T07:07:48.375Z",
                      *       "n_touches": 8,
                      *       "number": 1,
                      *       "passport": {
@@ -23901,7 +23902,7 @@ export interface operations {
                      *       },
                      *       "residual_after": 0.0319159,
                      *       "residual_before": 0.250508,
-                     *       "sensor": "01a21669-a141-75df-a485-a80d291f5a53",
+                     *       "sensor": "01a216ae-5ca5-74cd-960c-92d3cb06ed35",
                      *       "touched": "ridge",
                      *       "undetermined": [
                      *         "edge"
@@ -24129,17 +24130,17 @@ export interface operations {
                      *           "bins": null,
                      *           "catalogue": "lab",
                      *           "closed_at": null,
-                     *           "created_at": "2026-11-26T05:52:48.074Z",
+                     *           "created_at": "2026-11-26T07:07:54.439Z",
                      *           "ended": null,
-                     *           "expires_at": "2026-11-27T05:52:48.075Z",
+                     *           "expires_at": "2026-11-27T07:07:54.449Z",
                      *           "frame_id": null,
-                     *           "id": "01a21669-e3ca-7559-8230-d4b42a38d4a6",
+                     *           "id": "01a216ae-a6c7-764b-988f-4e57f8f7e3ff",
                      *           "labels": {},
                      *           "latest": {
-                     *             "at": "2026-11-26T05:52:48.075Z",
+                     *             "at": "2026-11-26T07:07:54.449Z",
                      *             "best": {
                      *               "name": "mug",
-                     *               "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *               "object": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *               "probability": 0.989422
                      *             },
                      *             "entropy_bits": 0.0846035,
@@ -24191,20 +24192,20 @@ export interface operations {
                      *           "bins": null,
                      *           "catalogue": "default",
                      *           "closed_at": null,
-                     *           "created_at": "2026-11-26T05:52:48.16Z",
+                     *           "created_at": "2026-11-26T07:07:54.493Z",
                      *           "ended": null,
-                     *           "expires_at": "2026-11-26T06:52:48.194Z",
+                     *           "expires_at": "2026-11-26T08:07:54.531Z",
                      *           "frame_id": "base_link",
-                     *           "id": "01a21669-e420-7688-b464-66051b915281",
+                     *           "id": "01a216ae-a6fd-7708-a60b-fd899eccb73f",
                      *           "labels": {
                      *             "order": "4711",
                      *             "shift": "night"
                      *           },
                      *           "latest": {
-                     *             "at": "2026-11-26T05:52:48.194Z",
+                     *             "at": "2026-11-26T07:07:54.531Z",
                      *             "best": {
                      *               "name": "hammer",
-                     *               "object": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *               "object": "01a216ae-5a0a-7106-a8c5-7a2e9471c7c6",
                      *               "probability": 0.874529
                      *             },
                      *             "entropy_bits": 0.63377,
@@ -24413,11 +24414,11 @@ export interface operations {
                      *       "bins": null,
                      *       "catalogue": "default",
                      *       "closed_at": null,
-                     *       "created_at": "2026-11-26T05:52:48.16Z",
+                     *       "created_at": "2026-11-26T07:07:54.493Z",
                      *       "ended": null,
-                     *       "expires_at": "2026-11-26T06:52:48.16Z",
+                     *       "expires_at": "2026-11-26T08:07:54.493Z",
                      *       "frame_id": "base_link",
-                     *       "id": "01a21669-e420-7688-b464-66051b915281",
+                     *       "id": "01a216ae-a6fd-7708-a60b-fd899eccb73f",
                      *       "labels": {},
                      *       "latest": null,
                      *       "leased_by": null,
@@ -24725,17 +24726,17 @@ export interface operations {
                      *       "bins": null,
                      *       "catalogue": "default",
                      *       "closed_at": null,
-                     *       "created_at": "2026-11-26T05:52:48.16Z",
+                     *       "created_at": "2026-11-26T07:07:54.493Z",
                      *       "ended": null,
-                     *       "expires_at": "2026-11-26T06:52:48.194Z",
+                     *       "expires_at": "2026-11-26T08:07:54.531Z",
                      *       "frame_id": "base_link",
-                     *       "id": "01a21669-e420-7688-b464-66051b915281",
+                     *       "id": "01a216ae-a6fd-7708-a60b-fd899eccb73f",
                      *       "labels": {},
                      *       "latest": {
-                     *         "at": "2026-11-26T05:52:48.194Z",
+                     *         "at": "2026-11-26T07:07:54.531Z",
                      *         "best": {
                      *           "name": "hammer",
-                     *           "object": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *           "object": "01a216ae-5a0a-7106-a8c5-7a2e9471c7c6",
                      *           "probability": 0.874529
                      *         },
                      *         "entropy_bits": 0.63377,
@@ -25111,12 +25112,12 @@ export interface operations {
                      *       "objects": [
                      *         {
                      *           "name": "mug",
-                     *           "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *           "object": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *           "probability": 0.999738
                      *         },
                      *         {
                      *           "name": "hammer",
-                     *           "object": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *           "object": "01a216ae-5a0a-7106-a8c5-7a2e9471c7c6",
                      *           "probability": 1.27754e-14
                      *         }
                      *       ],
@@ -25161,7 +25162,7 @@ export interface operations {
                      *             0.00614838
                      *           ],
                      *           "name": "mug",
-                     *           "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *           "object": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *           "pose": {
                      *             "orientation": [
                      *               -0.0826887,
@@ -25193,7 +25194,7 @@ export interface operations {
                      *         }
                      *       ],
                      *       "revision": 3,
-                     *       "session": "01a21669-e84c-7391-9f45-b9f8a49b69b8",
+                     *       "session": "01a216ae-a957-76e8-be62-f98072395b0d",
                      *       "stop": null,
                      *       "uncalibrated_reason": null,
                      *       "unknown": 0.000262113,
@@ -25401,21 +25402,21 @@ export interface operations {
                      * @example {
                      *       "bins": null,
                      *       "catalogue": "default",
-                     *       "closed_at": "2026-11-26T05:52:48.213Z",
-                     *       "created_at": "2026-11-26T05:52:48.16Z",
+                     *       "closed_at": "2026-11-26T07:07:54.615Z",
+                     *       "created_at": "2026-11-26T07:07:54.493Z",
                      *       "ended": "closed",
                      *       "expires_at": null,
                      *       "frame_id": "base_link",
-                     *       "id": "01a21669-e420-7688-b464-66051b915281",
+                     *       "id": "01a216ae-a6fd-7708-a60b-fd899eccb73f",
                      *       "labels": {
                      *         "order": "4711",
                      *         "shift": "night"
                      *       },
                      *       "latest": {
-                     *         "at": "2026-11-26T05:52:48.208Z",
+                     *         "at": "2026-11-26T07:07:54.591Z",
                      *         "best": {
                      *           "name": "mug",
-                     *           "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *           "object": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *           "probability": 0.475
                      *         },
                      *         "entropy_bits": 1.2364,
@@ -25424,7 +25425,7 @@ export interface operations {
                      *         "unknown": 0.05
                      *       },
                      *       "leased_by": null,
-                     *       "leased_until": "2026-11-26T06:52:48.202Z",
+                     *       "leased_until": "2026-11-26T08:07:54.563Z",
                      *       "method": "surface",
                      *       "n_readings": 0,
                      *       "n_retracted": 1,
@@ -25441,7 +25442,7 @@ export interface operations {
                      *       ],
                      *       "truth": {
                      *         "name": "mug",
-                     *         "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *         "object": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *         "probability": 0.475,
                      *         "was_right": false
                      *       },
@@ -25753,7 +25754,7 @@ export interface operations {
                     /**
                      * @example event: belief
                      *     id: 3
-                     *     data: {"kind":"belief","belief":{"session":"01a21669-e420-7688-b464-66051b915281","revision":3,"n_readings":0,"objects":[{"object":"01a21669-9f18-72bc-8255-71cd37f55fa2","name":"mug","probability":0.47500000000000003},{"object":"01a21669-9f21-7791-8c5a-69cb68db9812","name":"hammer","probability":0.…
+                     *     data: {"kind":"belief","belief":{"session":"01a216ae-a6fd-7708-a60b-fd899eccb73f","revision":3,"n_readings":0,"objects":[{"object":"01a216ae-5a02-757e-b81c-bb5933cb0345","name":"mug","probability":0.47500000000000003},{"object":"01a216ae-5a0a-7106-a8c5-7a2e9471c7c6","name":"hammer","probability":0.…
                      */
                     "text/event-stream": string;
                 };
@@ -25918,13 +25919,13 @@ export interface operations {
                      *       "against": [],
                      *       "answer": {
                      *         "name": "mug",
-                     *         "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *         "object": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *         "probability": 0.999738
                      *       },
                      *       "complete": true,
                      *       "nearest": {
                      *         "name": "mug",
-                     *         "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *         "object": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *         "probability": 0.999738
                      *       },
                      *       "readings": [
@@ -25981,7 +25982,7 @@ export interface operations {
                      *         }
                      *       ],
                      *       "revision": 3,
-                     *       "session": "01a21669-e84c-7391-9f45-b9f8a49b69b8"
+                     *       "session": "01a216ae-a957-76e8-be62-f98072395b0d"
                      *     }
                      */
                     "application/json": components["schemas"]["Explanation"];
@@ -26201,20 +26202,20 @@ export interface operations {
                      *       "bins": null,
                      *       "catalogue": "default",
                      *       "closed_at": null,
-                     *       "created_at": "2026-11-26T05:52:48.16Z",
+                     *       "created_at": "2026-11-26T07:07:54.493Z",
                      *       "ended": null,
-                     *       "expires_at": "2026-11-26T06:52:48.194Z",
+                     *       "expires_at": "2026-11-26T08:07:54.531Z",
                      *       "frame_id": "base_link",
-                     *       "id": "01a21669-e420-7688-b464-66051b915281",
+                     *       "id": "01a216ae-a6fd-7708-a60b-fd899eccb73f",
                      *       "labels": {
                      *         "order": "4711",
                      *         "shift": "night"
                      *       },
                      *       "latest": {
-                     *         "at": "2026-11-26T05:52:48.194Z",
+                     *         "at": "2026-11-26T07:07:54.531Z",
                      *         "best": {
                      *           "name": "hammer",
-                     *           "object": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *           "object": "01a216ae-5a0a-7106-a8c5-7a2e9471c7c6",
                      *           "probability": 0.874529
                      *         },
                      *         "entropy_bits": 0.63377,
@@ -26538,20 +26539,20 @@ export interface operations {
                      *       "bins": null,
                      *       "catalogue": "default",
                      *       "closed_at": null,
-                     *       "created_at": "2026-11-26T05:52:48.16Z",
+                     *       "created_at": "2026-11-26T07:07:54.493Z",
                      *       "ended": null,
-                     *       "expires_at": "2026-11-26T06:52:48.202Z",
+                     *       "expires_at": "2026-11-26T08:07:54.563Z",
                      *       "frame_id": "base_link",
-                     *       "id": "01a21669-e420-7688-b464-66051b915281",
+                     *       "id": "01a216ae-a6fd-7708-a60b-fd899eccb73f",
                      *       "labels": {
                      *         "order": "4711",
                      *         "shift": "night"
                      *       },
                      *       "latest": {
-                     *         "at": "2026-11-26T05:52:48.194Z",
+                     *         "at": "2026-11-26T07:07:54.531Z",
                      *         "best": {
                      *           "name": "hammer",
-                     *           "object": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *           "object": "01a216ae-5a0a-7106-a8c5-7a2e9471c7c6",
                      *           "probability": 0.874529
                      *         },
                      *         "entropy_bits": 0.63377,
@@ -26560,7 +26561,7 @@ export interface operations {
                      *         "unknown": 0.0242583
                      *       },
                      *       "leased_by": null,
-                     *       "leased_until": "2026-11-26T06:52:48.202Z",
+                     *       "leased_until": "2026-11-26T08:07:54.563Z",
                      *       "method": "surface",
                      *       "n_readings": 1,
                      *       "n_retracted": 0,
@@ -27059,11 +27060,11 @@ export interface operations {
                      *         }
                      *       ],
                      *       "name": "mug",
-                     *       "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *       "object": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *       "plane": null,
                      *       "probability": 0.989422,
                      *       "revision": 1,
-                     *       "session": "01a21669-e3ca-7559-8230-d4b42a38d4a6"
+                     *       "session": "01a216ae-a6c7-764b-988f-4e57f8f7e3ff"
                      *     }
                      */
                     "application/json": components["schemas"]["Marginals"];
@@ -27298,7 +27299,7 @@ export interface operations {
                      *       "entropy_bits": 1.2364,
                      *       "evaluated": 48,
                      *       "revision": 0,
-                     *       "session": "01a21669-e420-7688-b464-66051b915281",
+                     *       "session": "01a216ae-a6fd-7708-a60b-fd899eccb73f",
                      *       "touches": [
                      *         {
                      *           "bits_per_cost": null,
@@ -27753,16 +27754,16 @@ export interface operations {
                      *               -0.152696
                      *             ]
                      *           },
-                     *           "received_at": "2026-11-26T05:52:49.233Z",
+                     *           "received_at": "2026-11-26T07:07:55.114Z",
                      *           "retracted_by": null,
                      *           "retraction_written_by": null,
                      *           "robot": "simulated",
-                     *           "sensor": "01a21669-99c1-70aa-a1e4-bf9737d62a83",
+                     *           "sensor": "01a216ae-5244-75cb-a116-ff15aaa1169e",
                      *           "seq": 0,
                      *           "shear": null,
                      *           "stamp": {
-                     *             "nanosec": 233152741,
-                     *             "sec": 1795672369
+                     *             "nanosec": 114177394,
+                     *             "sec": 1795676875
                      *           },
                      *           "written_by": null
                      *         },
@@ -27825,16 +27826,16 @@ export interface operations {
                      *               -0.153483
                      *             ]
                      *           },
-                     *           "received_at": "2026-11-26T05:52:49.245Z",
+                     *           "received_at": "2026-11-26T07:07:55.117Z",
                      *           "retracted_by": null,
                      *           "retraction_written_by": null,
                      *           "robot": "simulated",
-                     *           "sensor": "01a21669-99c1-70aa-a1e4-bf9737d62a83",
+                     *           "sensor": "01a216ae-5244-75cb-a116-ff15aaa1169e",
                      *           "seq": 1,
                      *           "shear": null,
                      *           "stamp": {
-                     *             "nanosec": 244969887,
-                     *             "sec": 1795672369
+                     *             "nanosec": 117481186,
+                     *             "sec": 1795676875
                      *           },
                      *           "written_by": null
                      *         },
@@ -27897,16 +27898,16 @@ export interface operations {
                      *               -0.163632
                      *             ]
                      *           },
-                     *           "received_at": "2026-11-26T05:52:49.25Z",
+                     *           "received_at": "2026-11-26T07:07:55.123Z",
                      *           "retracted_by": null,
                      *           "retraction_written_by": null,
                      *           "robot": "simulated",
-                     *           "sensor": "01a21669-99c1-70aa-a1e4-bf9737d62a83",
+                     *           "sensor": "01a216ae-5244-75cb-a116-ff15aaa1169e",
                      *           "seq": 2,
                      *           "shear": null,
                      *           "stamp": {
-                     *             "nanosec": 250156508,
-                     *             "sec": 1795672369
+                     *             "nanosec": 123620456,
+                     *             "sec": 1795676875
                      *           },
                      *           "written_by": null
                      *         }
@@ -28177,18 +28178,18 @@ export interface operations {
                      *         "objects": [
                      *           {
                      *             "name": "hammer",
-                     *             "object": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *             "object": "01a216ae-5a0a-7106-a8c5-7a2e9471c7c6",
                      *             "probability": 0.874529
                      *           },
                      *           {
                      *             "name": "mug",
-                     *             "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *             "object": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *             "probability": 0.101213
                      *           }
                      *         ],
                      *         "poses": [],
                      *         "revision": 1,
-                     *         "session": "01a21669-e420-7688-b464-66051b915281",
+                     *         "session": "01a216ae-a6fd-7708-a60b-fd899eccb73f",
                      *         "stop": {
                      *           "found": 0.391272,
                      *           "reached": false,
@@ -28202,7 +28203,7 @@ export interface operations {
                      *       "n_presses": 1,
                      *       "n_readings": 1,
                      *       "n_repeated": 0,
-                     *       "session": "01a21669-e420-7688-b464-66051b915281",
+                     *       "session": "01a216ae-a6fd-7708-a60b-fd899eccb73f",
                      *       "warnings": []
                      *     }
                      */
@@ -28543,18 +28544,18 @@ export interface operations {
                      *         "objects": [
                      *           {
                      *             "name": "mug",
-                     *             "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *             "object": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *             "probability": 0.475
                      *           },
                      *           {
                      *             "name": "hammer",
-                     *             "object": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *             "object": "01a216ae-5a0a-7106-a8c5-7a2e9471c7c6",
                      *             "probability": 0.475
                      *           }
                      *         ],
                      *         "poses": [],
                      *         "revision": 2,
-                     *         "session": "01a21669-e420-7688-b464-66051b915281",
+                     *         "session": "01a216ae-a6fd-7708-a60b-fd899eccb73f",
                      *         "stop": {
                      *           "found": 0.75,
                      *           "reached": false,
@@ -28567,7 +28568,7 @@ export interface operations {
                      *       "n_readings": 0,
                      *       "number": 0,
                      *       "revision": 2,
-                     *       "session": "01a21669-e420-7688-b464-66051b915281"
+                     *       "session": "01a216ae-a6fd-7708-a60b-fd899eccb73f"
                      *     }
                      */
                     "application/json": components["schemas"]["ReadingRetracted"];
@@ -28832,18 +28833,18 @@ export interface operations {
                      *         "objects": [
                      *           {
                      *             "name": "mug",
-                     *             "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *             "object": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *             "probability": 0.475
                      *           },
                      *           {
                      *             "name": "hammer",
-                     *             "object": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *             "object": "01a216ae-5a0a-7106-a8c5-7a2e9471c7c6",
                      *             "probability": 0.475
                      *           }
                      *         ],
                      *         "poses": [],
                      *         "revision": 2,
-                     *         "session": "01a21669-e420-7688-b464-66051b915281",
+                     *         "session": "01a216ae-a6fd-7708-a60b-fd899eccb73f",
                      *         "stop": {
                      *           "found": 0.75,
                      *           "reached": false,
@@ -28856,7 +28857,7 @@ export interface operations {
                      *       "n_readings": 0,
                      *       "number": 0,
                      *       "revision": 2,
-                     *       "session": "01a21669-e420-7688-b464-66051b915281"
+                     *       "session": "01a216ae-a6fd-7708-a60b-fd899eccb73f"
                      *     }
                      */
                     "application/json": components["schemas"]["ReadingRetracted"];
@@ -29117,12 +29118,12 @@ export interface operations {
                      *         "objects": [
                      *           {
                      *             "name": "mug",
-                     *             "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *             "object": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *             "probability": 0.999738
                      *           },
                      *           {
                      *             "name": "hammer",
-                     *             "object": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *             "object": "01a216ae-5a0a-7106-a8c5-7a2e9471c7c6",
                      *             "probability": 1.27754e-14
                      *           }
                      *         ],
@@ -29167,7 +29168,7 @@ export interface operations {
                      *               0.00614838
                      *             ],
                      *             "name": "mug",
-                     *             "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *             "object": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *             "pose": {
                      *               "orientation": [
                      *                 -0.0826887,
@@ -29237,7 +29238,7 @@ export interface operations {
                      *               0.00855919
                      *             ],
                      *             "name": "mug",
-                     *             "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *             "object": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *             "pose": {
                      *               "orientation": [
                      *                 -0.0833223,
@@ -29307,7 +29308,7 @@ export interface operations {
                      *               0.0127561
                      *             ],
                      *             "name": "mug",
-                     *             "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *             "object": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *             "pose": {
                      *               "orientation": [
                      *                 -0.0680733,
@@ -29339,20 +29340,20 @@ export interface operations {
                      *           }
                      *         ],
                      *         "revision": 3,
-                     *         "session": "01a21669-e84c-7391-9f45-b9f8a49b69b8",
+                     *         "session": "01a216ae-a957-76e8-be62-f98072395b0d",
                      *         "stop": null,
                      *         "uncalibrated_reason": null,
                      *         "unknown": 0.000262113,
                      *         "warnings": []
                      *       },
                      *       "next_after": null,
-                     *       "session": "01a21669-e84c-7391-9f45-b9f8a49b69b8",
+                     *       "session": "01a216ae-a957-76e8-be62-f98072395b0d",
                      *       "steps": [
                      *         {
-                     *           "at": "2026-11-26T05:52:49.233Z",
+                     *           "at": "2026-11-26T07:07:55.114Z",
                      *           "best": {
                      *             "name": "mug",
-                     *             "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *             "object": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *             "probability": 0.945084
                      *           },
                      *           "change": {
@@ -29367,12 +29368,12 @@ export interface operations {
                      *           "objects": [
                      *             {
                      *               "name": "mug",
-                     *               "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *               "object": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *               "probability": 0.945084
                      *             },
                      *             {
                      *               "name": "hammer",
-                     *               "object": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *               "object": "01a216ae-5a0a-7106-a8c5-7a2e9471c7c6",
                      *               "probability": 0.0306579
                      *             }
                      *           ],
@@ -29380,10 +29381,10 @@ export interface operations {
                      *           "unknown": 0.0242583
                      *         },
                      *         {
-                     *           "at": "2026-11-26T05:52:49.245Z",
+                     *           "at": "2026-11-26T07:07:55.117Z",
                      *           "best": {
                      *             "name": "mug",
-                     *             "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *             "object": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *             "probability": 0.999623
                      *           },
                      *           "change": {
@@ -29398,12 +29399,12 @@ export interface operations {
                      *           "objects": [
                      *             {
                      *               "name": "mug",
-                     *               "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *               "object": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *               "probability": 0.999623
                      *             },
                      *             {
                      *               "name": "hammer",
-                     *               "object": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *               "object": "01a216ae-5a0a-7106-a8c5-7a2e9471c7c6",
                      *               "probability": 0.00000838894
                      *             }
                      *           ],
@@ -29411,10 +29412,10 @@ export interface operations {
                      *           "unknown": 0.000369108
                      *         },
                      *         {
-                     *           "at": "2026-11-26T05:52:49.25Z",
+                     *           "at": "2026-11-26T07:07:55.123Z",
                      *           "best": {
                      *             "name": "mug",
-                     *             "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *             "object": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *             "probability": 0.999738
                      *           },
                      *           "change": {
@@ -29429,12 +29430,12 @@ export interface operations {
                      *           "objects": [
                      *             {
                      *               "name": "mug",
-                     *               "object": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *               "object": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *               "probability": 0.999738
                      *             },
                      *             {
                      *               "name": "hammer",
-                     *               "object": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *               "object": "01a216ae-5a0a-7106-a8c5-7a2e9471c7c6",
                      *               "probability": 1.27754e-14
                      *             }
                      *           ],
@@ -29776,34 +29777,34 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "free_bytes": 60551356416,
+                     *       "free_bytes": 42362015744,
                      *       "holders": [
                      *         {
-                     *           "bytes": 3479213,
+                     *           "bytes": 3479210,
                      *           "key": null
                      *         }
                      *       ],
                      *       "largest": [
                      *         {
-                     *           "bytes": 4763268,
+                     *           "bytes": 4761759,
                      *           "id": null,
                      *           "kind": "compaction",
                      *           "name": "of removed and replaced records"
                      *         },
                      *         {
                      *           "bytes": 2355887,
-                     *           "id": "01a21669-9f18-72bc-8255-71cd37f55fa2",
+                     *           "id": "01a216ae-5a02-757e-b81c-bb5933cb0345",
                      *           "kind": "object",
                      *           "name": "mug"
                      *         },
                      *         {
                      *           "bytes": 800088,
-                     *           "id": "01a21669-9f21-7791-8c5a-69cb68db9812",
+                     *           "id": "01a216ae-5a0a-7106-a8c5-7a2e9471c7c6",
                      *           "kind": "object",
                      *           "name": "hammer"
                      *         }
                      *       ],
-                     *       "live_bytes": 3625402,
+                     *       "live_bytes": 3626911,
                      *       "quota_bytes": 10000000000,
                      *       "reserve_bytes": 67108864,
                      *       "stored_bytes": 8388670
@@ -29946,6 +29947,30 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "items": [
+                     *         {
+                     *           "created_at": "2026-11-26T07:08:02.831Z",
+                     *           "description": "pages the shift",
+                     *           "disabled_reason": null,
+                     *           "enabled": true,
+                     *           "events": [
+                     *             "session.needs_attention",
+                     *             "training.finished"
+                     *           ],
+                     *           "failing_since": null,
+                     *           "id": "01a216ae-c78f-742f-9c70-b0a3087bc2db",
+                     *           "last_delivered_at": null,
+                     *           "n_waiting": 0,
+                     *           "rotating_until": null,
+                     *           "updated_at": "2026-11-26T07:08:02.831Z",
+                     *           "url": "https://hooks.example.com/palpate"
+                     *         }
+                     *       ],
+                     *       "next_cursor": null
+                     *     }
+                     */
                     "application/json": components["schemas"]["WebhookPage"];
                 };
             };
@@ -29955,6 +29980,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -29964,6 +30000,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30004,6 +30051,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30013,6 +30071,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30028,6 +30097,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30042,6 +30122,16 @@ export interface operations {
         };
         requestBody: {
             content: {
+                /**
+                 * @example {
+                 *       "description": "pages the shift",
+                 *       "events": [
+                 *         "session.needs_attention",
+                 *         "training.finished"
+                 *       ],
+                 *       "url": "https://hooks.example.com/palpate"
+                 *     }
+                 */
                 "application/json": components["schemas"]["CreateWebhook"];
             };
         };
@@ -30054,6 +30144,28 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "secret": "whsec_AAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAA=",
+                     *       "webhook": {
+                     *         "created_at": "2026-11-26T07:08:02.831Z",
+                     *         "description": "pages the shift",
+                     *         "disabled_reason": null,
+                     *         "enabled": true,
+                     *         "events": [
+                     *           "session.needs_attention",
+                     *           "training.finished"
+                     *         ],
+                     *         "failing_since": null,
+                     *         "id": "01a216ae-c78f-742f-9c70-b0a3087bc2db",
+                     *         "last_delivered_at": null,
+                     *         "n_waiting": 0,
+                     *         "rotating_until": null,
+                     *         "updated_at": "2026-11-26T07:08:02.831Z",
+                     *         "url": "https://hooks.example.com/palpate"
+                     *       }
+                     *     }
+                     */
                     "application/json": components["schemas"]["NewWebhook"];
                 };
             };
@@ -30063,6 +30175,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30072,6 +30195,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30081,6 +30215,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30090,6 +30235,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30099,6 +30255,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30108,6 +30275,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30117,6 +30295,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30157,6 +30346,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30166,6 +30366,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30181,6 +30392,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30190,6 +30412,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30213,6 +30446,25 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "created_at": "2026-11-26T07:08:02.831Z",
+                     *       "description": "pages the shift",
+                     *       "disabled_reason": null,
+                     *       "enabled": true,
+                     *       "events": [
+                     *         "session.needs_attention",
+                     *         "training.finished"
+                     *       ],
+                     *       "failing_since": null,
+                     *       "id": "01a216ae-c78f-742f-9c70-b0a3087bc2db",
+                     *       "last_delivered_at": null,
+                     *       "n_waiting": 0,
+                     *       "rotating_until": null,
+                     *       "updated_at": "2026-11-26T07:08:02.831Z",
+                     *       "url": "https://hooks.example.com/palpate"
+                     *     }
+                     */
                     "application/json": components["schemas"]["Webhook"];
                 };
             };
@@ -30222,6 +30474,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30231,6 +30494,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30240,6 +30514,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30255,6 +30540,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30264,6 +30560,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30279,6 +30586,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30309,6 +30627,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30318,6 +30647,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30327,6 +30667,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30342,6 +30693,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30351,6 +30713,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30366,6 +30739,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30375,6 +30759,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30392,6 +30787,13 @@ export interface operations {
         };
         requestBody: {
             content: {
+                /**
+                 * @example {
+                 *       "events": [
+                 *         "session.needs_attention"
+                 *       ]
+                 *     }
+                 */
                 "application/json": components["schemas"]["UpdateWebhook"];
             };
         };
@@ -30402,6 +30804,24 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "created_at": "2026-11-26T07:08:02.831Z",
+                     *       "description": "pages the shift",
+                     *       "disabled_reason": null,
+                     *       "enabled": true,
+                     *       "events": [
+                     *         "session.needs_attention"
+                     *       ],
+                     *       "failing_since": null,
+                     *       "id": "01a216ae-c78f-742f-9c70-b0a3087bc2db",
+                     *       "last_delivered_at": null,
+                     *       "n_waiting": 0,
+                     *       "rotating_until": null,
+                     *       "updated_at": "2026-11-26T07:08:02.843Z",
+                     *       "url": "https://hooks.example.com/palpate"
+                     *     }
+                     */
                     "application/json": components["schemas"]["Webhook"];
                 };
             };
@@ -30411,6 +30831,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30420,6 +30851,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30429,6 +30871,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30438,6 +30891,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30447,6 +30911,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30456,6 +30931,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30465,6 +30951,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30505,6 +31002,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30514,6 +31022,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30529,6 +31048,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30538,6 +31068,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30566,6 +31107,29 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "items": [
+                     *         {
+                     *           "attempts": [
+                     *             {
+                     *               "at": "2026-11-26T07:08:02.887Z",
+                     *               "duration_ms": 18,
+                     *               "error": null,
+                     *               "status": 204
+                     *             }
+                     *           ],
+                     *           "body": "{\"id\":\"01a216ae-c7c3-76fb-9316-e7f7fc88e637\",\"type\":\"ping\",\"created_at\":\"2026-11-26T07:08:02.883Z\",\"data\":{}}",
+                     *           "created_at": "2026-11-26T07:08:02.883Z",
+                     *           "id": "01a216ae-c7c3-76fb-9316-e7f7fc88e637",
+                     *           "next_attempt_at": null,
+                     *           "state": "delivered",
+                     *           "type": "ping"
+                     *         }
+                     *       ],
+                     *       "next_cursor": null
+                     *     }
+                     */
                     "application/json": components["schemas"]["WebhookDeliveryPage"];
                 };
             };
@@ -30575,6 +31139,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/deliveries",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30584,6 +31159,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/deliveries",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30593,6 +31179,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/deliveries",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30633,6 +31230,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/deliveries",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30642,6 +31250,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/deliveries",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30657,6 +31276,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/deliveries",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30682,6 +31312,24 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "attempts": [
+                     *         {
+                     *           "at": "2026-11-26T07:08:02.887Z",
+                     *           "duration_ms": 18,
+                     *           "error": null,
+                     *           "status": 204
+                     *         }
+                     *       ],
+                     *       "body": "{\"id\":\"01a216ae-c7c3-76fb-9316-e7f7fc88e637\",\"type\":\"ping\",\"created_at\":\"2026-11-26T07:08:02.883Z\",\"data\":{}}",
+                     *       "created_at": "2026-11-26T07:08:02.883Z",
+                     *       "id": "01a216ae-c7c3-76fb-9316-e7f7fc88e637",
+                     *       "next_attempt_at": null,
+                     *       "state": "delivered",
+                     *       "type": "ping"
+                     *     }
+                     */
                     "application/json": components["schemas"]["WebhookDelivery"];
                 };
             };
@@ -30691,6 +31339,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/deliveries/{delivery}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30700,6 +31359,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/deliveries/{delivery}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30709,6 +31379,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/deliveries/{delivery}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30724,6 +31405,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/deliveries/{delivery}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30733,6 +31425,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/deliveries/{delivery}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30748,6 +31451,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/deliveries/{delivery}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30773,6 +31487,24 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "attempts": [
+                     *         {
+                     *           "at": "2026-11-26T07:08:02.887Z",
+                     *           "duration_ms": 18,
+                     *           "error": null,
+                     *           "status": 204
+                     *         }
+                     *       ],
+                     *       "body": "{\"id\":\"01a216ae-c7c3-76fb-9316-e7f7fc88e637\",\"type\":\"ping\",\"created_at\":\"2026-11-26T07:08:02.883Z\",\"data\":{}}",
+                     *       "created_at": "2026-11-26T07:08:02.883Z",
+                     *       "id": "01a216ae-c7c3-76fb-9316-e7f7fc88e637",
+                     *       "next_attempt_at": "2026-11-26T07:08:02.919Z",
+                     *       "state": "pending",
+                     *       "type": "ping"
+                     *     }
+                     */
                     "application/json": components["schemas"]["WebhookDelivery"];
                 };
             };
@@ -30782,6 +31514,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/deliveries/{delivery}/redeliver",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30791,6 +31534,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/deliveries/{delivery}/redeliver",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30800,6 +31554,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/deliveries/{delivery}/redeliver",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30809,6 +31574,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/deliveries/{delivery}/redeliver",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30824,6 +31600,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/deliveries/{delivery}/redeliver",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30833,6 +31620,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/deliveries/{delivery}/redeliver",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30848,6 +31646,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/deliveries/{delivery}/redeliver",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30857,6 +31666,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/deliveries/{delivery}/redeliver",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30874,6 +31694,11 @@ export interface operations {
         };
         requestBody: {
             content: {
+                /**
+                 * @example {
+                 *       "grace_s": 3600
+                 *     }
+                 */
                 "application/json": components["schemas"]["RotateWebhookSecret"];
             };
         };
@@ -30884,6 +31709,27 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "secret": "whsec_AAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAA=",
+                     *       "webhook": {
+                     *         "created_at": "2026-11-26T07:08:02.831Z",
+                     *         "description": "pages the shift",
+                     *         "disabled_reason": null,
+                     *         "enabled": true,
+                     *         "events": [
+                     *           "session.needs_attention"
+                     *         ],
+                     *         "failing_since": null,
+                     *         "id": "01a216ae-c78f-742f-9c70-b0a3087bc2db",
+                     *         "last_delivered_at": "2026-11-26T07:08:02.924Z",
+                     *         "n_waiting": 0,
+                     *         "rotating_until": "2026-11-26T08:08:02.934Z",
+                     *         "updated_at": "2026-11-26T07:08:02.934Z",
+                     *         "url": "http://127.0.0.1:41923/"
+                     *       }
+                     *     }
+                     */
                     "application/json": components["schemas"]["NewWebhook"];
                 };
             };
@@ -30893,6 +31739,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/rotate",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30902,6 +31759,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/rotate",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30911,6 +31779,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/rotate",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30920,6 +31799,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/rotate",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30929,6 +31819,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/rotate",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30938,6 +31839,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/rotate",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30947,6 +31859,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/rotate",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30987,6 +31910,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/rotate",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -30996,6 +31930,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/rotate",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -31011,6 +31956,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/rotate",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -31020,6 +31976,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/rotate",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -31043,6 +32010,24 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "attempts": [
+                     *         {
+                     *           "at": "2026-11-26T07:08:02.887Z",
+                     *           "duration_ms": 18,
+                     *           "error": null,
+                     *           "status": 204
+                     *         }
+                     *       ],
+                     *       "body": "{\"id\":\"01a216ae-c7c3-76fb-9316-e7f7fc88e637\",\"type\":\"ping\",\"created_at\":\"2026-11-26T07:08:02.883Z\",\"data\":{}}",
+                     *       "created_at": "2026-11-26T07:08:02.883Z",
+                     *       "id": "01a216ae-c7c3-76fb-9316-e7f7fc88e637",
+                     *       "next_attempt_at": null,
+                     *       "state": "delivered",
+                     *       "type": "ping"
+                     *     }
+                     */
                     "application/json": components["schemas"]["WebhookDelivery"];
                 };
             };
@@ -31052,6 +32037,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/test",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -31061,6 +32057,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/test",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -31070,6 +32077,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/test",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -31079,6 +32097,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/test",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -31094,6 +32123,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/test",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -31103,6 +32143,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/test",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -31118,6 +32169,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/test",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
@@ -31127,6 +32189,17 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/webhooks/{webhook}/test",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
