@@ -196,7 +196,7 @@ await step("the 3-D view turns by arrow keys, and everything is reached by Tab",
     stops.push(await page.evaluate(() => document.activeElement.textContent.trim() || document.activeElement.getAttribute("aria-label")));
   }
   assert.equal(stops[0], "Skip to the content");
-  assert.deepEqual(stops.slice(2, 12), ["Fleet", "Sessions", "Objects", "Models", "Jobs", "Sensors", "Keys", "Audit", "Snapshots", "Health"]);
+  assert.deepEqual(stops.slice(2, 13), ["Fleet", "Sessions", "Objects", "Models", "Jobs", "Sensors", "Keys", "Audit", "Snapshots", "Webhooks", "Health"]);
   assert.ok(stops.some((stop) => /^mug, .+ % — simulated$/.test(stop)), `sessions are reached: ${stops}`);
   assert.equal(await page.locator("[aria-live=polite]").count(), 1);
 });

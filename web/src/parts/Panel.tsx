@@ -37,9 +37,9 @@ export function ViewHead(props: {
 }
 
 /** Facts in two columns: name and value. */
-export function Facts({ of: facts }: { of: [string, ComponentChildren][] }) {
+export function Facts({ of: facts, isWide = false }: { of: [string, ComponentChildren][]; isWide?: boolean }) {
   return (
-    <dl class="facts">
+    <dl class={isWide ? "facts facts-wide" : "facts"}>
       {facts.map(([name, value]) => (
         <div key={name}>
           <dt>{name}</dt>

@@ -33,7 +33,7 @@ export function drawBody(body: Body, theme: Theme, radius: number, geometry = ge
 
 /** The net of a mesh: where it coincides with the believed one both are seen. */
 function lineMaterial(color: Color): MeshBasicMaterial {
-  return new MeshBasicMaterial({ color, wireframe: true, transparent: true, opacity: 0.45, depthWrite: false });
+  return new MeshBasicMaterial({ color, wireframe: true, transparent: true, opacity: 0.3, depthWrite: false });
 }
 
 function solidMaterial(color: Color, ghostWeight?: number): MeshStandardMaterial {

@@ -33,6 +33,7 @@ export function WebhookView({ id }: { id: string }) {
           return (
             <Panel title="Settings" aside={<Badge kind={kind}>{words}</Badge>}>
               <Facts
+                isWide
                 of={[
                   ["URL", found.url],
                   ["Events", found.events.join(", ")],
