@@ -193,6 +193,31 @@ class Administration:
         return ask(post(*path), same)
 
     @operation
+    def robots(self) -> Steps[list[Document]]:
+        """Returns the robot names and the keys that hold them."""
+        return pages(get("v1", "robots"), same)
+
+    @operation
+    def bind_robot(self, robot: str, key: str) -> Steps[Document]:
+        """Gives a robot name to a key, given by id or name: only that key may post under it."""
+        return ask(put("v1", "robots", robot).with_json({"key": key}), same)
+
+    @operation
+    def release_robot(self, robot: str) -> Steps[None]:
+        """Releases a robot name: the next key that posts under it holds it."""
+        return ask_for_nothing(delete("v1", "robots", robot))
+
+    @operation
+    def take_snapshot(self) -> Steps[bytes]:
+        """Returns a snapshot of all data, in memory; `palpate snapshot backup` writes a file."""
+        return ask_for_bytes(post("v1", "snapshots").repeatable())
+
+    @operation
+    def storage(self) -> Steps[Document]:
+        """Returns the stored bytes and what would free most of them."""
+        return ask(get("v1", "storage"), same)
+
+    @operation
     def audit(self, /, **search: str) -> Steps[list[Document]]:
         """Returns the audit log, newest first: `since`, `until`, `key`, `operation`, `ring`."""
         return pages(get("v1", "audit").with_query(**search), same)

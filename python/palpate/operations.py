@@ -16,6 +16,7 @@ from palpate.administration import Administration, same
 from palpate.belief import Belief
 from palpate.documents import Added, Job, NextTouches, ObjectInfo, SensorInfo, Session
 from palpate.errors import JobFailedError
+from palpate.inspection import Inspection
 from palpate.pose import Pose, PoseLike
 from palpate.readings import Readings, image_to_wire
 from palpate.steps import (
@@ -154,7 +155,7 @@ def rank(
     return ask(request, NextTouches.from_wire)
 
 
-class Operations(Administration):
+class Operations(Administration, Inspection):
     """The operations of `Client` and `AsyncClient`."""
 
     # The server.

@@ -120,3 +120,17 @@ def felt(meshes: dict[str, Mesh], sensor: Sensor) -> palpate.Readings:
     """Touches of a mug that stands somewhere else."""
     moved = ([0.1, -0.2, 0.3, 0.9273618495495704], [0.4, -0.1, 0.25])
     return local.touch(meshes["mug"], sensor, 12, seed=77).moved(moved)
+
+
+@pytest.fixture(scope="session")
+def trained(server: Server, taught: dict[str, palpate.Readings]) -> str:
+    """A catalogue that knows the mug and the hammer."""
+    with palpate.Client(server.address) as client:
+        for name, readings in taught.items():
+            client.create_object(f"{name}-client")
+            client.add_training_readings(
+                f"{name}-client", "digitacts-6x6", readings, robot="teacher"
+            )
+        names = [f"{name}-client" for name in taught]
+        client.train("client", objects=names, sva=False, surface=True)
+    return "client"

@@ -29,18 +29,6 @@ SENSOR = "digitacts-6x6"
 UNIT = np.eye(4)
 
 
-@pytest.fixture(scope="module")
-def trained(server: Server, taught: dict[str, Readings]) -> str:
-    """A catalogue that knows the mug and the hammer."""
-    with Client(server.address) as client:
-        for name, readings in taught.items():
-            client.create_object(f"{name}-client")
-            client.add_training_readings(f"{name}-client", SENSOR, readings, robot="teacher")
-        names = [f"{name}-client" for name in taught]
-        client.train("client", objects=names, sva=False, surface=True)
-    return "client"
-
-
 def test_a_touch_session_recognises_and_reports_the_truth(
     client: Client, trained: str, felt: Readings
 ) -> None:
