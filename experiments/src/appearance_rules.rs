@@ -3,9 +3,11 @@
 //! Readings of ten objects are classified by k-means and by a mixture of as many classes. A trial
 //! draws readings of one object without replacement; the histogram of their classes is compared
 //! with those of all objects by every rule of `compare`, and the nearest object is named. Equation
-//! 4.17 as printed, which sums joint densities, is a rule of the mixture alone.
+//! 4.17 as printed, which sums joint densities, is a rule of the mixture alone. Classes as images
+//! (figure 4.7), confusion and affinity (4.9, 4.10) are drawn in `pictures`.
 
 mod compare;
+mod pictures;
 
 use palpate_core::contact::touches;
 use palpate_core::descriptor::DescriptorKind;
@@ -46,7 +48,7 @@ pub fn run(config: &ObjectTrials, progress: Progress<'_>) -> anyhow::Result<Outc
     };
     progress("touching objects", 0, 1);
     let touched = config.touch(&objects, &setting)?;
-    let (mut report, mut panels) = (Report::default(), Vec::new());
+    let (mut report, mut panels, mut pictures) = (Report::default(), Vec::new(), Vec::new());
     let methods = [("mixture", ClusteringMethod::Mixture), ("k_means", ClusteringMethod::KMeans)];
     for (done, descriptor) in DESCRIPTORS.into_iter().enumerate() {
         let mut lines = Vec::new();
@@ -60,6 +62,9 @@ pub fn run(config: &ObjectTrials, progress: Progress<'_>) -> anyhow::Result<Outc
                 &appearance,
                 config.seed,
             )?;
+            if clustering == ClusteringMethod::Mixture {
+                pictures.push(pictures::of(descriptor, &objects, &model)?);
+            }
             let comparison = Comparison {
                 known: Known::new(&model),
                 seen: seen(&model, &touched.test, &setting.sensor),
@@ -88,7 +93,7 @@ pub fn run(config: &ObjectTrials, progress: Progress<'_>) -> anyhow::Result<Outc
         }
         panels.push(panel(descriptor.name(), lines));
     }
-    Ok(Outcome { report, plot: svg(&panels), pictures: Vec::new() })
+    Ok(Outcome { report, plot: svg(&panels), pictures })
 }
 
 /// The test readings in a model's classes, one list an object; presses without contact are left
@@ -125,6 +130,7 @@ mod tests {
         }
         assert!(summary["polar_fourier_mixture_divergence_accuracy_at_20"] > 0.6, "{summary:?}");
         assert!(summary["mnti_k_means_chi_squared_accuracy_at_20"] > 0.3, "{summary:?}");
+        assert_eq!(outcome.pictures.len(), 3);
         assert!(!summary.contains_key("mnti_k_means_literal_joint_accuracy_at_20"));
     }
 }

@@ -1,10 +1,8 @@
 //! Figure 4.8 again: every descriptor on ten objects, accuracy against readings.
 //!
 //! All descriptors see the same readings of the 6 × 6 sensor under 0.10 inch. This project adds
-//! a reduction by discriminant axes, and the printed share of 90 % of the variance. Classes as
-//! images (figure 4.7), confusion and affinity (4.9, 4.10) are drawn in `pictures`.
-
-mod pictures;
+//! a reduction by discriminant axes, and the printed share of 90 % of the variance. Confusion
+//! and affinity (figures 4.9, 4.10) are rows of the report; `appearance_rules` draws them.
 
 use palpate_core::descriptor::DescriptorKind;
 use palpate_core::sensor::SensorDescription;
@@ -57,7 +55,6 @@ pub fn run(config: &ObjectTrials, progress: Progress<'_>) -> anyhow::Result<Outc
     let touched = config.touch(&objects, &setting)?;
     let mut report = Report::default();
     let mut curves: Vec<(String, Vec<Point>)> = Vec::new();
-    let mut pictures = Vec::new();
     let methods = methods(config);
     for (done, (name, appearance)) in methods.iter().enumerate() {
         progress(name, done, methods.len());
@@ -66,7 +63,6 @@ pub fn run(config: &ObjectTrials, progress: Progress<'_>) -> anyhow::Result<Outc
         if shows_matrices(name) {
             matrices(&mut report, name, &objects, &tested);
         }
-        pictures.extend(pictures::of(name, &objects, &tested.model));
         curves.push((name.clone(), tested.curve));
     }
     best(&mut report, &curves);
@@ -79,7 +75,7 @@ pub fn run(config: &ObjectTrials, progress: Progress<'_>) -> anyhow::Result<Outc
         panel("the other half", lines(&LOWER.map(DescriptorKind::name))),
         panel("beyond print", lines(&OPTIONS)),
     ]);
-    Ok(Outcome { report, plot, pictures })
+    Ok(Outcome { report, plot, pictures: Vec::new() })
 }
 
 /// Options compared on MNTI and Polar-Fourier.
@@ -163,7 +159,5 @@ mod tests {
         assert!(summary["best_accuracy_at_20"] > 0.6, "{summary:?}");
         assert!(summary["best_printed_accuracy_at_20"] <= summary["best_accuracy_at_20"]);
         assert_eq!(outcome.plot.matches("<polyline").count(), 18);
-        // Classes of Moment-Normalised, matrices of MNTI and Polar-Fourier.
-        assert_eq!(outcome.pictures.len(), 3);
     }
 }

@@ -1,5 +1,6 @@
 //! Figures 4.7, 4.9 and 4.10: the classes as images, and who is taken for whom.
 
+use anyhow::Context as _;
 use palpate_core::descriptor::DescriptorKind;
 use palpate_core::vocabulary::bag::Clustering;
 use palpate_dissertation::appearance::model::{
@@ -12,22 +13,21 @@ use crate::objects::TestObject;
 /// Classes in a row of figure 4.7.
 const CLASSES_PER_ROW: usize = 8;
 
-/// The pictures of a method, if it has any: figure 4.7 shows Moment-Normalised, 4.9 and 4.10 the
-/// methods of `shows_matrices`.
+/// The picture of a descriptor: figure 4.7 for Moment-Normalised, whose classes are images, and the
+/// matrices of figures 4.9 and 4.10 for the others.
 pub(super) fn of(
-    name: &str,
+    descriptor: DescriptorKind,
     objects: &[TestObject],
     model: &AppearanceModel,
-) -> Option<(String, Vec<u8>)> {
-    if name == DescriptorKind::MomentNormalized.name() {
-        let drawn = classes(&model.vocabulary)?;
-        return Some((format!("descriptors-classes-{name}.svg"), drawn.into_bytes()));
+) -> anyhow::Result<(String, Vec<u8>)> {
+    let name = descriptor.name();
+    if descriptor == DescriptorKind::MomentNormalized {
+        let drawn = classes(&model.vocabulary).context("the classes are not of images")?;
+        return Ok((format!("classes-{name}.svg"), drawn.into_bytes()));
     }
     let names: Vec<String> = objects.iter().map(|object| object.name.clone()).collect();
-    super::shows_matrices(name).then(|| {
-        let drawn = matrices(&names, &model.report);
-        (format!("descriptors-confusion-{name}.svg"), drawn.into_bytes())
-    })
+    let drawn = matrices(&names, &model.report);
+    Ok((format!("confusion-{name}.svg"), drawn.into_bytes()))
 }
 
 /// The means of a mixture, projected back into images; heaviest first. `None` for other classes,
