@@ -6,12 +6,12 @@ use clap::{Parser, Subcommand, ValueEnum};
 
 use crate::commands::{
     analyses::AnalysesArgs, audit::AuditArgs, catalogues::CataloguesArgs, compact::CompactArgs,
-    config::ConfigArgs, demo::DemoArgs, experiment::ExperimentArgs, explore::ExploreArgs,
-    fleet::FleetArgs, fsck::FsckArgs, jobs::JobsArgs, keys::KeysArgs, letters::LettersArgs,
-    load::LoadArgs, maps::MapsArgs, migrate::MigrateArgs, next_touch::NextTouchArgs,
-    objects::ObjectsArgs, report::ReportArgs, robots::RobotsArgs, sensors::SensorsArgs,
-    serve::ServeArgs, sessions::SessionsArgs, snapshot::SnapshotArgs, touch::TouchArgs,
-    train::TrainArgs, webhooks::WebhooksArgs,
+    config::ConfigArgs, demo::DemoArgs, draw::DrawArgs, experiment::ExperimentArgs,
+    explore::ExploreArgs, fleet::FleetArgs, fsck::FsckArgs, jobs::JobsArgs, keys::KeysArgs,
+    letters::LettersArgs, load::LoadArgs, maps::MapsArgs, migrate::MigrateArgs,
+    next_touch::NextTouchArgs, objects::ObjectsArgs, report::ReportArgs, robots::RobotsArgs,
+    sensors::SensorsArgs, serve::ServeArgs, sessions::SessionsArgs, snapshot::SnapshotArgs,
+    touch::TouchArgs, train::TrainArgs, webhooks::WebhooksArgs,
 };
 
 const EXAMPLES: &str = "\
@@ -112,6 +112,8 @@ pub(crate) enum Command {
     Objects(ObjectsArgs),
     /// Write raised letters as meshes, or press them with a simulated rig.
     Letters(LettersArgs),
+    /// Draw pictures, such as the tactile image of one press.
+    Draw(DrawArgs),
     /// Train a catalogue of objects.
     Train(TrainArgs),
     /// List, follow and cancel training jobs.
@@ -210,6 +212,9 @@ mod tests {
         "palpate letters mesh --all --out letters",
         "palpate letters press A --out a.json --repetition 1 --seed 3 --noise harsh",
         "palpate letters press q --out q.json --pose -5,3.5,120 --readings 9",
+        "palpate draw press --object mug --from 90,0 --out mug.svg",
+        "palpate draw press --mesh p.stl --sensor tekscan-26x26 --from -30,45 --turn 90 --out p.svg",
+        "palpate draw press --object mug --pose 0,0,-27.8,1,0,0,0 --out bottom.svg",
         "palpate sensors add finger --preset digitacts-6x6",
         "palpate train --readings-per-object 500 --seed 3 --sensor digitacts-6x6 mug cup",
         "palpate touch --object mug --mesh mug.stl --readings 15 --seed 7",
@@ -287,6 +292,10 @@ mod tests {
             "palpate letters press AB --out a.json",
             "palpate letters press A --out a.json --pose 5,3",
             "palpate letters press A --out a.json --readings 193",
+            "palpate draw press --object mug --out mug.svg",
+            "palpate draw press --from 90,0 --out mug.svg",
+            "palpate draw press --object mug --from 90,95 --out mug.svg",
+            "palpate draw press --object mug --from 90,0 --pose 0,0,60,1,0,0,0 --out mug.svg",
             "palpate jobs cancel not-an-id",
             "palpate demo --trials 0",
             "palpate serve --tls-cert c.pem",

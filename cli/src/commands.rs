@@ -7,6 +7,7 @@ pub(crate) mod catalogues;
 pub(crate) mod compact;
 pub(crate) mod config;
 pub(crate) mod demo;
+pub(crate) mod draw;
 pub(crate) mod experiment;
 pub(crate) mod explore;
 pub(crate) mod fleet;

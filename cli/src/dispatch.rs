@@ -5,9 +5,9 @@ use palpate_client::{Client, ClientOptions};
 
 use crate::args::{Cli, Command};
 use crate::commands::{
-    Context, analyses, audit, catalogues, compact, config, demo, experiment, explore, fleet, fsck,
-    health, jobs, keys, letters, load, maps, migrate, next_touch, objects, openapi, report, robots,
-    sensors, serve, sessions, snapshot, storage, touch, train, webhooks,
+    Context, analyses, audit, catalogues, compact, config, demo, draw, experiment, explore, fleet,
+    fsck, health, jobs, keys, letters, load, maps, migrate, next_touch, objects, openapi, report,
+    robots, sensors, serve, sessions, snapshot, storage, touch, train, webhooks,
 };
 use crate::output::Output;
 
@@ -45,6 +45,7 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Analyses(args) => analyses::run(args, &context()?).await,
         Command::Objects(args) => objects::run(args, &context()?).await,
         Command::Letters(args) => letters::run(args, output),
+        Command::Draw(args) => draw::run(args, output),
         Command::Catalogues(args) => catalogues::run(args, &context()?).await,
         Command::Train(args) => train::run(args, &context()?).await,
         Command::Maps(args) => maps::run(args, &context()?).await,

@@ -5,10 +5,11 @@
 //! sparse histograms multiply the pairs' distributions. Objects are processed in parallel;
 //! the answer does not depend on the number of threads.
 
-mod matching;
 pub mod model;
-mod options;
 pub mod refine;
+mod priors;
+mod options;
+mod matching;
 #[cfg(test)]
 mod test_support;
 pub mod train;
@@ -29,6 +30,8 @@ use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::stop::Stop;
 use palpate_core::vocabulary::Association;
+pub use priors::MatchPriors;
+use priors::MatchWeights;
 use rayon::prelude::*;
 
 /// A belief over the identity and pose of one object, from the readings so far.
@@ -36,6 +39,7 @@ use rayon::prelude::*;
 pub struct SvaBelief {
     catalogue: Arc<SvaModel>,
     options: SvaOptions,
+    weights: Arc<MatchWeights>,
     log_prior: Vec<f64>,
     seen: Vec<Patch>,
     histograms: Vec<SparseHistogram>,
@@ -51,6 +55,7 @@ impl SvaBelief {
             size_of::<Patch>() + patch.classes.capacity() * size_of::<Association>()
         };
         size_of::<Self>()
+            + self.weights.bytes()
             + self.log_prior.capacity() * size_of::<f64>()
             + self.seen.iter().map(seen).sum::<usize>()
             + self.histograms.iter().map(SparseHistogram::bytes).sum::<usize>()
@@ -69,8 +74,9 @@ impl SvaBelief {
         let n_objects = catalogue.objects.len();
         let log_prior = log_prior(prior, n_objects)?;
         let histograms = vec![SparseHistogram::new(options.rule, options.bins_max); n_objects];
+        let weights = Arc::new(MatchWeights::new(&catalogue.objects, options.priors));
         let (seen, stop) = (Vec::new(), Stop::never());
-        Ok(Self { catalogue, options, log_prior, seen, histograms, n_readings: 0, stop })
+        Ok(Self { catalogue, options, weights, log_prior, seen, histograms, n_readings: 0, stop })
     }
 
     /// Makes long loops unwind once `stop` is requested ([`Stop::check`]).
@@ -126,7 +132,7 @@ impl SvaBelief {
             .par_iter()
             .map(|object| {
                 self.stop.check();
-                find_poses(object, &query, &self.options)
+                find_poses(object, &query, &self.options, &self.weights)
             })
             .collect();
         // Equation 5.14, normalised per object: more training pairs are no evidence.

@@ -1,4 +1,4 @@
-//! Chapter 2: figures 2.3, 2.5 and 2.6, and the H indenter of table 2.1.
+//! Chapter 2: figures 2.2, 2.3, 2.5, 2.6, 2.8 and 2.9, and table 2.1.
 //!
 //! There is no physical sensor here. Two simulations replace the dissertation's measurements:
 //! "simulator" is an indentation run of the imaging model itself (it shows that the fits recover
@@ -9,6 +9,8 @@ mod acuity;
 mod elastic;
 mod h_indenter;
 mod point_spread;
+mod resolutions;
+mod responses;
 
 use clap::Args;
 use palpate_core::units::INCH;
@@ -32,7 +34,7 @@ pub struct Covering {
     pub half_width: usize,
 }
 
-/// Runs all four parts.
+/// Runs all parts.
 ///
 /// # Errors
 /// When a finite-element slab cannot be solved or a fit fails.
@@ -44,8 +46,14 @@ pub fn run(config: &Covering, progress: Progress<'_>) -> anyhow::Result<Outcome>
     progress("counting representations", 7, 9);
     let acuity = acuity::figure_2_6(&mut report);
     progress("pressing the H", 8, 9);
-    h_indenter::table_2_1(&slabs, &mut report)?;
-    let pictures = vec![("covering-acuity.svg".to_owned(), acuity.into_bytes())];
+    let h_indenter = h_indenter::table_2_1(&slabs, &mut report)?;
+    let pictures = [
+        ("covering-acuity.svg", acuity),
+        ("covering-responses.svg", responses::figure_2_2(config.seed)?),
+        ("covering-h-indenter.svg", h_indenter),
+        ("covering-resolutions.svg", resolutions::figure_2_9()?),
+    ];
+    let pictures = pictures.map(|(name, drawn)| (name.to_owned(), drawn.into_bytes())).to_vec();
     Ok(Outcome { report, plot: svg(&panels), pictures })
 }
 

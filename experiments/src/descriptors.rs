@@ -1,8 +1,8 @@
 //! Figure 4.8 again: every descriptor on ten objects, accuracy against readings.
 //!
 //! All descriptors see the same readings of the 6 × 6 sensor under 0.10 inch. This project adds
-//! a reduction by discriminant axes, and the printed share of 90 % of the variance. The best
-//! descriptor's confusion and affinity (figures 4.9, 4.10) are rows of the report.
+//! a reduction by discriminant axes, and the printed share of 90 % of the variance. Confusion
+//! and affinity (figures 4.9, 4.10) are rows of the report; `appearance_rules` draws them.
 
 use palpate_core::descriptor::DescriptorKind;
 use palpate_core::sensor::SensorDescription;

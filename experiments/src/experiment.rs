@@ -36,7 +36,9 @@ use crate::sva_objects::{self, SvaObjects};
 use crate::symmetry::{self, SymmetryTrials};
 use crate::thinning::{self, Thinning};
 use crate::unknown::{self, Unknown};
-use crate::{covering_thickness, descriptors, exploration, noise, perturbation, resolution};
+use crate::{
+    appearance_rules, covering_thickness, descriptors, exploration, noise, perturbation, resolution,
+};
 
 /// Command line before the name of an experiment.
 pub const PROGRAM: &str = "palpate experiment";
@@ -57,6 +59,8 @@ pub enum Experiment {
     Symmetry(SymmetryTrials),
     /// Figure 4.8: every descriptor on ten objects, accuracy against readings.
     Descriptors(ObjectTrials),
+    /// Sections 4.3.1.2 and 4.4.2.1: clusterings, and comparisons of histograms.
+    AppearanceRules(ObjectTrials),
     /// Figure 4.14: appearance under coverings of 0.04 to 0.20 inch.
     CoveringThickness(ObjectTrials),
     /// Figure 4.15: appearance with 6×6, 14×14 and 26×26 taxels over 12 mm.
@@ -131,6 +135,7 @@ impl Experiment {
             Self::Covering(config) => covering::run(config, progress),
             Self::Symmetry(config) => symmetry::run(config, progress),
             Self::Descriptors(config) => descriptors::run(config, progress),
+            Self::AppearanceRules(config) => appearance_rules::run(config, progress),
             Self::CoveringThickness(config) => covering_thickness::run(config, progress),
             Self::Resolution(config) => resolution::run(config, progress),
             Self::Noise(config) => noise::run(config, progress),

@@ -6,8 +6,10 @@
 //! readings. Poses count only when the letter is right, as in the dissertation; errors are
 //! modulo the letter's symmetry. The methods are listed in `methods`.
 
+mod beliefs;
 mod figures;
 mod methods;
+mod pictures;
 mod timing;
 mod trials;
 
@@ -29,6 +31,7 @@ use serde::Serialize;
 
 use crate::arguments::count;
 use crate::report::{Outcome, Progress, Report};
+use figures::Plotted;
 use methods::{METHODS, Prepared};
 
 /// Arguments of `letters-geometric`.
@@ -96,20 +99,26 @@ pub enum LetterMaps {
     Corrected,
     /// Corrected, but with the printed exponent of equation 3.4, which is twice the spread.
     PrintedSpread,
-    /// Equations 3.3 to 3.5 as printed, with a prior of 0.2 and log-odds without a limit.
+    /// Corrected, but with the printed prior: the share of the modelled area that letters cover.
+    CoveredPrior,
+    /// Equations 3.3 to 3.5 as printed, with that prior and log-odds without a limit.
     AsPrinted,
 }
 
 impl LetterMaps {
-    /// Planar maps in this form.
-    #[must_use]
-    pub fn geometry(self) -> GeometricConfig {
+    /// Whether the prior is the covered area.
+    fn needs_area(self) -> bool {
+        matches!(self, Self::CoveredPrior | Self::AsPrinted)
+    }
+
+    /// Planar maps in this form; `covered` is the share of the modelled area that letters cover.
+    fn geometry(self, covered: f64) -> GeometricConfig {
         let corrected = InverseModel::default();
         let inverse = match self {
             Self::Corrected => corrected,
             Self::PrintedSpread => InverseModel { spread: SpreadForm::AsPrinted, ..corrected },
-            // About a fifth of the pressed area is letter.
-            Self::AsPrinted => InverseModel::literal(0.2),
+            Self::CoveredPrior => InverseModel { prior: covered, ..corrected },
+            Self::AsPrinted => InverseModel::literal(covered),
         };
         GeometricConfig { inverse, ..GeometricConfig::planar() }
     }
@@ -135,6 +144,7 @@ pub fn letters_named(name: &str) -> Result<String, String> {
 /// A letter with the data of its presses and of its errors.
 struct TestLetter {
     symbol: char,
+    area: f64,
     field: LetterField,
     symmetry: Symmetry,
 }
@@ -149,6 +159,7 @@ impl TestLetter {
         let through = letter.centroid().extend(0.0);
         Self {
             symbol: letter.symbol(),
+            area: letter.area(),
             field: LetterField::new(letter, sensor),
             symmetry: Symmetry { order, axis: DVec3::Z, through },
         }
@@ -167,7 +178,6 @@ struct Lab {
 
 impl Lab {
     fn new(config: &LettersGeometric, letters: &[TestLetter], seed: u64) -> anyhow::Result<Self> {
-        let geometry = config.maps.geometry();
         let rig = Rig::new(SensorId(1), &rig_sensor(), config.noise.of_rig(), seed);
         let train: Vec<Vec<Reading>> =
             letters.iter().map(|letter| rig.session(&letter.field, 0)).collect();
@@ -175,7 +185,14 @@ impl Lab {
         let sensor = rig.sensor().clone();
         let sets: Vec<TrainingSet<'_>> =
             train.iter().map(|readings| TrainingSet { readings, sensor: &sensor }).collect();
-        let model = map_geometry(&sets, &vec![DVec3::ZERO; sets.len()], &geometry)?;
+        let origins = vec![DVec3::ZERO; sets.len()];
+        let covered = if config.maps.needs_area() {
+            covered_share(&map_geometry(&sets, &origins, &GeometricConfig::planar())?, letters)
+        } else {
+            f64::NAN
+        };
+        let geometry = config.maps.geometry(covered);
+        let model = map_geometry(&sets, &origins, &geometry)?;
         let inertias = model.maps.iter().zip(letters).map(|(map, letter)| {
             palpate_dissertation::occupancy::grid::inertia(&map.occupancy)
                 .with_context(|| format!("the map of {} has no occupied cell", letter.symbol))
@@ -189,6 +206,16 @@ impl Lab {
     fn classified(&self, reading: &Reading) -> ClassifiedPress {
         self.inverse.classified(reading, &self.sensor)
     }
+}
+
+/// Section 3.2.1: the mean area of the letters over the mean area of their maps.
+fn covered_share(model: &GeometricModel, letters: &[TestLetter]) -> f64 {
+    let modelled = model.maps.iter().map(|map| {
+        let shape = map.occupancy.shape();
+        let [x, y, _] = shape.n();
+        (x * y) as f64 * shape.cell() * shape.cell()
+    });
+    letters.iter().map(|letter| letter.area).sum::<f64>() / modelled.sum::<f64>()
 }
 
 /// Runs the experiment; gives the report, its plot and the maps of the first seed.
@@ -214,8 +241,11 @@ pub fn run(config: &LettersGeometric, progress: Progress<'_>) -> anyhow::Result<
     for seed_idx in 0..config.seeds {
         let lab = Lab::new(config, &letters, config.seed + seed_idx as u64)?;
         if seed_idx == 0 {
-            pictures = figures::maps(&letters, &lab);
+            pictures = pictures::of_lab(&letters, &lab);
             timing::updates(&mut report, config, &lab);
+            if config.maps.needs_area() {
+                report.summarise("covered_share", lab.inverse.prior);
+            }
         }
         for (method_idx, method) in methods.iter().enumerate() {
             let label = format!("seed {}, {}", lab.seed, method.name);
@@ -225,7 +255,10 @@ pub fn run(config: &LettersGeometric, progress: Progress<'_>) -> anyhow::Result<
         }
     }
     figures::report(&mut report, config, &methods, &letters, &steps);
-    let plot = figures::plot(config, &methods, &steps);
+    let plotted = Plotted { config, methods: &methods, steps: &steps };
+    let translation = plotted.translation().into_bytes();
+    pictures.push(("letters-geometric-translation.svg".to_owned(), translation));
+    let plot = plotted.plot();
     Ok(Outcome { report, plot, pictures })
 }
 
@@ -292,6 +325,7 @@ mod tests {
         assert!(summary["particles_1000_options_accuracy_at_20"] > 0.9, "{summary:?}");
         assert!(summary["literal_standard_error_at_3"] >= 0.0, "{summary:?}");
         assert!(summary.contains_key("update_ms_exhaustive_median"));
-        assert_eq!(outcome.pictures.len(), 3);
+        // Three maps, presses, contact classes, translational errors.
+        assert_eq!(outcome.pictures.len(), 6);
     }
 }

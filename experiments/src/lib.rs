@@ -28,6 +28,7 @@ pub mod letters_geometric;
 pub mod object_sessions;
 pub mod next_touch;
 pub mod object_trials;
+pub mod appearance_rules;
 pub mod covering_thickness;
 pub mod descriptors;
 pub mod explorations;

@@ -27,7 +27,7 @@ use palpate_core::training::TrainingSet;
 use palpate_core::units::{DEG, MM};
 use palpate_dissertation::sva::model::SvaModel;
 use palpate_dissertation::sva::train::{TrainingConfig, learn_vocabulary, map_object};
-use palpate_dissertation::sva::{SvaBelief, SvaOptions};
+use palpate_dissertation::sva::{MatchPriors, SvaBelief, SvaOptions};
 use palpate_sim::plot::svg;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -64,6 +64,10 @@ pub struct SvaObjects {
     /// the mask before the turn, all classes, patches at the sensor's centroid.
     #[arg(long)]
     pub as_printed: bool,
+    /// Add the default and the printed filter with counted priors of classes, of distances, and of
+    /// both (section 5.3.5).
+    #[arg(long)]
+    pub counted_priors: bool,
 }
 
 /// A trained method.
@@ -118,6 +122,9 @@ pub fn run(config: &SvaObjects, progress: Progress<'_>) -> anyhow::Result<Outcom
     if config.as_printed {
         methods.push(train_printed(&mut report, &train, config)?);
     }
+    if config.counted_priors {
+        with_counted_priors(&mut methods);
+    }
     let steps = run_trials(config, &objects, &test, &methods, progress)?;
     for (index, method) in methods.iter().enumerate() {
         report_method(&mut report, config, index, method, &steps);
@@ -166,6 +173,24 @@ fn train_method(
     let catalogue = SvaModel { vocabulary, association: training.association, objects: maps? };
     let train_seconds = started.elapsed().as_secs_f64();
     Ok(Method { name, catalogue: Arc::new(catalogue), options, train_seconds, printed: None })
+}
+
+/// The default and the printed filter, each with three more sets of priors, on the same maps.
+fn with_counted_priors(methods: &mut Vec<Method>) {
+    for (base, named) in [
+        ("default", ["class_priors", "distance_priors", "both_priors"]),
+        ("literal", ["literal_class_priors", "literal_distance_priors", "literal_both_priors"]),
+    ] {
+        let Some(at) = methods.iter().position(|method| method.name == base) else { continue };
+        let kinds =
+            [MatchPriors::Classes, MatchPriors::Distances, MatchPriors::ClassesAndDistances];
+        for (name, priors) in named.into_iter().zip(kinds) {
+            let method = &methods[at];
+            let (catalogue, train_seconds) = (method.catalogue.clone(), method.train_seconds);
+            let options = SvaOptions { priors, ..method.options };
+            methods.push(Method { name, catalogue, options, train_seconds, printed: None });
+        }
+    }
 }
 
 /// The printed filter on features and patches as printed.
@@ -262,6 +287,13 @@ fn run_trial(
     Ok(steps)
 }
 
+/// Figure 5.3 (b): the inertial distance of a solid sphere of 40 mm, which every object counts as.
+fn sphere_distance(error: &PoseError) -> f64 {
+    let radius = 40.0 * MM;
+    let turned = 0.8 * radius * radius * (1.0 - error.angle.cos());
+    (error.translation.powi(2) + turned).sqrt()
+}
+
 /// Whether each trial was right, and the pose errors of those that were.
 fn at(steps: &[Step], method: usize, readings: usize) -> (Vec<f64>, Vec<PoseError>) {
     let chosen = || steps.iter().filter(|s| s.method == method && s.readings == readings);
@@ -340,6 +372,11 @@ fn report_method(
             report.summarise(
                 &format!("{prefix}position_error_mm_median_at_{readings}"),
                 median(&moved),
+            );
+            let sphere: Vec<f64> = errors.iter().map(|e| sphere_distance(e) / MM).collect();
+            report.summarise(
+                &format!("{prefix}sphere_inertial_error_mm_mean_at_{readings}"),
+                mean(&sphere),
             );
         }
     }

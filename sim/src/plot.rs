@@ -1,10 +1,12 @@
 //! Line plots and heat maps as SVG, small enough to write by hand.
 
+pub mod grids;
+
 use std::fmt::Write as _;
 
 /// One line of a plot.
 pub struct Line {
-    /// Its name in the legend.
+    /// Its name in the legend; a line without a name is drawn thin and dotted.
     pub name: String,
     /// Its points; a point that is not finite is left out.
     pub points: Vec<(f64, f64)>,
@@ -104,27 +106,38 @@ fn draw(panel: &Panel) -> String {
         .map(|point| point.1)
         .collect();
     let ends_high = ends.iter().sum::<f64>() > 0.5 * y_max * ends.len() as f64;
-    for (index, line) in panel.lines.iter().enumerate() {
+    let named = panel.lines.iter().filter(|line| !line.name.is_empty());
+    let unnamed = panel.lines.iter().filter(|line| line.name.is_empty());
+    for line in unnamed {
+        let _ = write!(
+            out,
+            "<polyline fill=\"none\" stroke=\"#777\" stroke-width=\"0.7\" \
+             stroke-dasharray=\"2 2\" points=\"{}\"/>",
+            drawn_points(line, place)
+        );
+    }
+    for (index, line) in named.enumerate() {
         let color = COLORS[index % COLORS.len()];
-        let points: Vec<String> = line
-            .points
-            .iter()
-            .filter(|p| p.0.is_finite() && p.1.is_finite())
-            .map(|p| place(*p))
-            .map(|(x, y)| format!("{x:.1},{y:.1}"))
-            .collect();
         let offset = 10.0 + 14.0 * index as f64;
         let legend_y = if ends_high { TOP + plot_height - offset } else { TOP + 4.0 + offset };
         let _ = write!(
             out,
             "<polyline fill=\"none\" stroke=\"{color}\" stroke-width=\"2\" points=\"{}\"/>\
              <text x=\"{}\" y=\"{legend_y}\" text-anchor=\"end\" fill=\"{color}\">{}</text>",
-            points.join(" "),
+            drawn_points(line, place),
             LEFT + plot_width - 4.0,
             escape(&line.name)
         );
     }
     out
+}
+
+/// The finite points of a line, placed.
+fn drawn_points(line: &Line, place: impl Fn((f64, f64)) -> (f64, f64)) -> String {
+    let finite = line.points.iter().filter(|p| p.0.is_finite() && p.1.is_finite());
+    let words: Vec<String> =
+        finite.map(|p| place(*p)).map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
+    words.join(" ")
 }
 
 /// A heat map over two logarithmic axes, with a line where it is best in each row.
@@ -272,6 +285,18 @@ mod tests {
         let drawn = svg(&[panel]);
         assert!(drawn.contains(&format!("{:.1},{TOP:.1}", WIDTH - 16.0)), "{drawn}");
         assert!(drawn.contains("a&lt;b"));
+    }
+
+    #[test]
+    fn a_line_without_a_name_is_dotted_and_not_in_the_legend() {
+        let line = |name: &str| Line { name: name.to_owned(), points: vec![(0.0, 1.0)] };
+        let lines = vec![line(""), line("named"), line("")];
+        let panel = Panel { title: String::new(), x: String::new(), y: String::new(), lines };
+        let drawn = svg(&[panel]);
+        assert_eq!(drawn.matches("stroke-dasharray").count(), 2);
+        // The first colour is that of the first named line.
+        assert_eq!(drawn.matches(COLORS[0]).count(), 2);
+        assert!(!drawn.contains(COLORS[1]), "{drawn}");
     }
 
     #[test]

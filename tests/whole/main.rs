@@ -2,6 +2,7 @@
 //! crates.
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
+mod book;
 mod command;
 mod constants;
 mod corpora;

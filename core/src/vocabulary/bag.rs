@@ -149,6 +149,27 @@ pub fn log_mixture_ratio(shares: &[f64], known: &[f64], priors: &[f64]) -> f64 {
     terms.map(|((share, known), prior)| share * known / prior).sum::<f64>().ln()
 }
 
+/// χ² between two histograms that sum to 1: Σ (p − q)² / (p + q), 0 when equal, 2 when apart.
+#[must_use]
+pub fn chi_squared(a: &[f64], b: &[f64]) -> f64 {
+    let terms = a.iter().zip(b).filter(|(p, q)| **p + **q > 0.0);
+    terms.map(|(p, q)| (p - q).powi(2) / (p + q)).sum()
+}
+
+/// The intersection of two histograms that sum to 1: Σ min(p, q), 1 when equal, 0 when apart.
+#[must_use]
+pub fn intersection(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(p, q)| p.min(*q)).sum()
+}
+
+/// The Jensen–Shannon divergence of two histograms that sum to 1, nats: the mean divergence of both
+/// from their mean.
+#[must_use]
+pub fn jensen_shannon(a: &[f64], b: &[f64]) -> f64 {
+    let mean: Vec<f64> = a.iter().zip(b).map(|(p, q)| 0.5 * (p + q)).collect();
+    0.5 * (divergence(a, &mean) + divergence(b, &mean))
+}
+
 /// The cosine between two histograms: the affinity of figure 4.9.
 #[must_use]
 pub fn correlation(a: &[f64], b: &[f64]) -> f64 {
@@ -176,6 +197,21 @@ mod tests {
         assert!((found - 0.5 * (4.0_f64 / 3.0).ln()).abs() < 1e-12);
         assert!(divergence(&[0.5, 0.5], &[1.0, 0.0]).is_infinite());
         assert!(divergence(&[1.0, 0.0], &[1.0, 0.0]).abs() < 1e-15);
+    }
+
+    #[test]
+    fn other_comparisons_match_hand_computed_values() {
+        let (a, b) = ([0.5, 0.5, 0.0], [0.25, 0.25, 0.5]);
+        // 2 · (1/16) / (3/4) + (1/4) / (1/2) = 1/6 + 1/2.
+        assert!((chi_squared(&a, &b) - 2.0 / 3.0).abs() < 1e-12);
+        assert!((intersection(&a, &b) - 0.5).abs() < 1e-12);
+        // Mean (⅜, ⅜, ¼): a gives ln(4/3), b gives ½ ln(2/3) + ½ ln 2.
+        let expected = 0.5 * ((4.0_f64 / 3.0).ln() + 0.5 * (2.0_f64 / 3.0).ln() + 0.5 * 2f64.ln());
+        assert!((jensen_shannon(&a, &b) - expected).abs() < 1e-12);
+        let apart = [0.0, 0.0, 1.0];
+        assert!((chi_squared(&a, &apart) - 2.0).abs() < 1e-12);
+        assert!((jensen_shannon(&a, &apart) - 2f64.ln()).abs() < 1e-12);
+        assert!(chi_squared(&a, &a).abs() < 1e-15 && jensen_shannon(&b, &b).abs() < 1e-15);
     }
 
     proptest! {

@@ -174,6 +174,22 @@ impl ParticleFilter {
         self.note_likelihood(total);
     }
 
+    /// Replaces the lightest particles by hypotheses of another filter (object and pose), each with
+    /// the mean weight: section 3.4.1. The next reading moves and weighs them like the others.
+    pub fn replace_lightest(&mut self, others: &[(usize, Pose)]) {
+        let n = self.particles.len();
+        let mut order: Vec<usize> = (0..n).collect();
+        let weight = |idx: &usize| self.particles[*idx].log_weight;
+        order.sort_by(|a, b| weight(a).total_cmp(&weight(b)));
+        let log_weight = -(n as f64).ln();
+        for (idx, (object, pose)) in order.into_iter().zip(others) {
+            self.particles[idx] =
+                Particle { object: *object, session_from_object: *pose, log_weight };
+        }
+        let total = log_sum_exp(self.particles.iter().map(|particle| particle.log_weight));
+        self.particles.iter_mut().for_each(|particle| particle.log_weight -= total);
+    }
+
     /// The particles, with the weights of the last reading.
     #[must_use]
     pub fn particles(&self) -> &[Particle] {

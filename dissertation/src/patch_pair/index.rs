@@ -135,6 +135,28 @@ impl PairIndex {
         tally.chunks(self.n_classes.max(1)).map(likeliest).collect()
     }
 
+    /// Sums of the postings' weights: by class, each posting under both of its classes, and by
+    /// distance bin.
+    #[must_use]
+    pub fn masses(&self) -> (Vec<f64>, Vec<f64>) {
+        let n_bins = usize::from(self.distances.n());
+        let (mut classes, mut bins) = (vec![0.0; self.n_classes], vec![0.0; n_bins]);
+        let pairs =
+            (0..self.n_classes).flat_map(|low| (low..self.n_classes).map(move |c| (low, c)));
+        for (pair, (low, high)) in pairs.enumerate() {
+            for (bin, sum) in bins.iter_mut().enumerate() {
+                let key = pair * n_bins + bin;
+                let list = self.offsets[key] as usize..self.offsets[key + 1] as usize;
+                let weights = self.postings[list].iter().map(|p| u64::from(p.weight));
+                let mass = weights.sum::<u64>() as f64 / f64::from(u16::MAX);
+                classes[low] += mass;
+                classes[high] += mass;
+                *sum += mass;
+            }
+        }
+        (classes, bins)
+    }
+
     /// Calls `visit(patch a, patch b, weight)` for every stored ordered pair whose patch a is
     /// of class `a`, patch b of class `b`, and whose distance lies in `bin`.
     pub fn matches(

@@ -3,6 +3,7 @@
 //! Source: sections 5.3.5 and 5.4, equations 5.14 and 5.21–5.35.
 
 use super::options::SvaOptions;
+use super::priors::MatchWeights;
 use crate::filter::sparse::PairEvidence;
 use crate::patch::Patch;
 use crate::patch_pair::alignment::{PairAxis, PairEnd, PairFrame};
@@ -36,13 +37,15 @@ pub(super) fn find_poses(
     object: &ObjectMap,
     query: &PairQuery<'_>,
     options: &SvaOptions,
+    weights: &MatchWeights,
 ) -> PairEvidence {
     let mut evidence = PairEvidence::default();
     let index = object.index();
     for (bin, distance_share) in index.distances().covering(query.distance).into_iter().flatten() {
         for a in query.classes[0] {
             for b in query.classes[1] {
-                let observed = distance_share * a.weight * b.weight;
+                let prior = weights.of(a.class, b.class, bin);
+                let observed = prior * distance_share * a.weight * b.weight;
                 index.matches(a.class, b.class, bin, |first, second, stored| {
                     let pair = [first, second].map(|patch| object.patches()[usize::from(patch)]);
                     add_match(&mut evidence, query, &pair, observed * stored, options);

@@ -3,6 +3,7 @@
 use crate::filter::pose_bins::PoseBins;
 use crate::filter::sparse::ProductRule;
 use crate::rotation_grid::RotationGrid;
+use crate::sva::priors::MatchPriors;
 use crate::sva::refine::Refinement;
 use palpate_core::units::MM;
 
@@ -34,6 +35,8 @@ pub struct SvaOptions {
     pub bin_pose: BinPose,
     /// Product of the pairs' distributions.
     pub rule: ProductRule,
+    /// Priors of classes and distances in a match.
+    pub priors: MatchPriors,
     /// Multiplicity of a pair.
     pub pair_weight: PairWeight,
     /// Tolerance on the cosine of the normals' angles with the pair's axis, beyond which
@@ -64,6 +67,7 @@ impl Default for SvaOptions {
             },
             bin_pose: BinPose::Mean,
             rule: ProductRule::Floored { floor: 0.05 },
+            priors: MatchPriors::Even,
             pair_weight: PairWeight::Once,
             normal_tolerance: Some(0.25),
             sigma_init: 0.1,

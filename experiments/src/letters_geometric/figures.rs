@@ -1,33 +1,18 @@
-//! Rows, summary, plots and pictures of all trials.
+//! Rows, summary and plots of all trials.
 
 use palpate_core::units::{DEG, MM};
 use palpate_sim::plot::{Line, Panel, svg};
-use palpate_sim::render::occupancy::layer_png;
 use serde::Serialize;
 
 use super::methods::{Kind, Method};
 use super::trials::{POSES_AT, PoseError, Step};
-use super::{Lab, LettersGeometric, TestLetter};
+use super::{LettersGeometric, TestLetter};
 use crate::appearance_trials::Confused;
 use crate::report::Report;
 use crate::statistics::{mean, median, standard_error_over_groups};
 
-/// Pixels of a map's cell.
-const CELL_PIXELS: usize = 8;
-
 /// Numbers of readings whose figures the summary states.
 const STATED_AT: [usize; 8] = [1, 3, 5, 9, 12, 15, 20, 46];
-
-/// The maps of the first seed as pictures.
-pub(super) fn maps(letters: &[TestLetter], lab: &Lab) -> Vec<(String, Vec<u8>)> {
-    let picture = |(letter, map): (&TestLetter, &std::sync::Arc<_>)| {
-        let map: &palpate_dissertation::geometric::model::GeometricMap = map;
-        let case = if letter.symbol.is_ascii_uppercase() { "capital" } else { "small" };
-        let name = format!("letters-geometric-{case}-{}.png", letter.symbol.to_ascii_lowercase());
-        Some((name, layer_png(&map.occupancy, 0, CELL_PIXELS)?))
-    };
-    letters.iter().zip(&lab.model.maps).filter_map(picture).collect()
-}
 
 /// Adds rows for every method and number of readings, rows for confusions, and the summary.
 pub(super) fn report(
@@ -166,41 +151,68 @@ fn confusions(
     }
 }
 
-/// Plots accuracy and errors against readings, with separate panels per kind of filter.
-pub(super) fn plot(config: &LettersGeometric, methods: &[&Method], steps: &[Step]) -> String {
-    let panel = |title: &str, y: &str, begin: &[&str], value: &dyn Fn(&[&Step]) -> f64| {
-        let chosen = methods
+/// The trials that are plotted.
+pub(super) struct Plotted<'a> {
+    pub(super) config: &'a LettersGeometric,
+    pub(super) methods: &'a [&'a Method],
+    pub(super) steps: &'a [Step],
+}
+
+/// A value of the trials after one number of readings.
+type Value<'a> = &'a dyn Fn(&[&Step]) -> f64;
+
+impl Plotted<'_> {
+    /// Plots accuracy and errors against readings, with separate panels per kind of filter.
+    pub(super) fn plot(&self) -> String {
+        let accuracy =
+            |steps: &[&Step]| mean(&steps.iter().map(|step| right(step)).collect::<Vec<f64>>());
+        let inertial = |steps: &[&Step]| mean_error(steps, |error| error.inertial / MM);
+        let (histograms, ours) = (&["histogram"][..], &["balanced", "learnt", "extents"][..]);
+        let particles = &["particles"][..];
+        let (share, error) = ("share right", "mean inertial error (mm)");
+        svg(&[
+            self.panel("histogram filters", share, histograms, &accuracy),
+            self.panel("histogram filters", error, histograms, &inertial),
+            self.panel("particle filters", share, particles, &accuracy),
+            self.panel("particle filters", error, particles, &inertial),
+            self.panel("other bins and tables", share, ours, &accuracy),
+            self.panel("other bins and tables", error, ours, &inertial),
+        ])
+    }
+
+    /// Figure 3.12: the translational part of the histogram filters' errors.
+    pub(super) fn translation(&self) -> String {
+        let translation = |steps: &[&Step]| mean_error(steps, |error| error.translation / MM);
+        let (title, y) = ("3.12: histogram filters", "mean translational error (mm)");
+        svg(&[self.panel(title, y, &["histogram"], &translation)])
+    }
+
+    /// A value against readings, one line for each method whose name begins so.
+    fn panel(&self, title: &str, y: &str, begin: &[&str], value: Value<'_>) -> Panel {
+        let chosen = self
+            .methods
             .iter()
             .enumerate()
             .filter(|(_, method)| begin.iter().any(|begin| method.name.starts_with(begin)));
         let line = |(idx, method): (usize, &&Method)| Line {
             name: method.name.to_owned(),
-            points: (1..=config.readings)
+            points: (1..=self.config.readings)
                 .map(|readings| {
-                    let at = steps.iter().filter(|s| s.method == idx && s.readings == readings);
+                    let steps = self.steps.iter();
+                    let at = steps.filter(|s| s.method == idx && s.readings == readings);
                     (readings as f64, value(&at.collect::<Vec<_>>()))
                 })
                 .collect(),
         };
         let lines = chosen.map(line).collect();
         Panel { title: title.to_owned(), x: "readings".to_owned(), y: y.to_owned(), lines }
-    };
-    let accuracy =
-        |steps: &[&Step]| mean(&steps.iter().map(|step| right(step)).collect::<Vec<f64>>());
-    let inertial = |steps: &[&Step]| {
-        let errors = steps.iter().filter_map(|step| step.error);
-        mean(&errors.map(|error| error.inertial / MM).collect::<Vec<f64>>())
-    };
-    let (histograms, ours) = (&["histogram"][..], &["balanced", "learnt", "extents"][..]);
-    let particles = &["particles"][..];
-    svg(&[
-        panel("histogram filters", "share right", histograms, &accuracy),
-        panel("histogram filters", "mean inertial error (mm)", histograms, &inertial),
-        panel("particle filters", "share right", particles, &accuracy),
-        panel("particle filters", "mean inertial error (mm)", particles, &inertial),
-        panel("other bins and tables", "share right", ours, &accuracy),
-        panel("other bins and tables", "mean inertial error (mm)", ours, &inertial),
-    ])
+    }
+}
+
+/// The mean of an error over the trials with an estimated pose; NaN for none.
+fn mean_error(steps: &[&Step], value: fn(&PoseError) -> f64) -> f64 {
+    let errors = steps.iter().filter_map(|step| step.error);
+    mean(&errors.map(|error| value(&error)).collect::<Vec<f64>>())
 }
 
 #[cfg(test)]

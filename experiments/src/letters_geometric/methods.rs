@@ -5,10 +5,8 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
-use palpate_core::log_prob::normalize;
 use palpate_core::pose::Pose;
-use palpate_core::reading::Reading;
-use palpate_core::sensor::SensorDescription;
+use palpate_core::rng::{Purpose, Stream};
 use palpate_core::units::MM;
 use palpate_dissertation::filter::class_field::ClassField;
 use palpate_dissertation::filter::histogram::{
@@ -25,6 +23,7 @@ use palpate_dissertation::geometric::{
 use palpate_dissertation::occupancy::{ClassTable, OccupancyGrid};
 
 use super::Lab;
+use super::beliefs::{Adaptive, Belief, Bins, Particles, SEEDED_SHARE, Seeded};
 
 /// Maximum offset of the letter from its trained place along x and y, metres.
 pub(super) const REACH: f64 = 10.0 * MM;
@@ -66,7 +65,15 @@ pub(super) enum Kind {
     /// Particles with other resampling: systematic, below half the effective sample size, with
     /// random ones added.
     ParticlesResampled { n: usize },
+    /// Particles as printed, with random ones as Augmented MCL adds them.
+    ParticlesAugmented { n: usize },
+    /// Particles as printed, a share of them drawn from a histogram of these bins.
+    ParticlesSeeded { n: usize, bins: [usize; 3] },
 }
+
+/// Rates of Augmented MCL's averages. Chosen before any run: its authors leave them open and ask
+/// for the first to be much smaller.
+const AUGMENTED: Injection = Injection::Augmented { slow: 0.05, fast: 0.5 };
 
 const fn literal(name: &'static str, key: &'static str, kind: Kind) -> Method {
     Method { name, key, table: Table::Literal, exponent: 1.0, kind }
@@ -81,7 +88,7 @@ const fn bins(n: [usize; 3]) -> Kind {
 }
 
 /// All methods; Table 3.1's first.
-pub(super) const METHODS: [Method; 22] = [
+pub(super) const METHODS: [Method; 26] = [
     learnt("adaptive-force", "", 1.0, Kind::Adaptive),
     literal("histogram-100", "histogram_100", bins([5, 5, 4])),
     literal("histogram-1000", "histogram_1000", bins([10, 10, 10])),
@@ -137,6 +144,27 @@ pub(super) const METHODS: [Method; 22] = [
         0.3,
         Kind::ParticlesResampled { n: 1_000 },
     ),
+    // Section 3.4.1: attempts that did not help.
+    literal(
+        "particles-1000-augmented",
+        "particles_1000_augmented",
+        Kind::ParticlesAugmented { n: 1_000 },
+    ),
+    literal(
+        "particles-10000-augmented",
+        "particles_10000_augmented",
+        Kind::ParticlesAugmented { n: 10_000 },
+    ),
+    literal(
+        "particles-1000-seeded-100",
+        "particles_1000_seeded_100",
+        Kind::ParticlesSeeded { n: 1_000, bins: [5, 5, 4] },
+    ),
+    literal(
+        "particles-1000-seeded-1000",
+        "particles_1000_seeded_1000",
+        Kind::ParticlesSeeded { n: 1_000, bins: [10, 10, 10] },
+    ),
 ];
 
 impl Method {
@@ -155,19 +183,11 @@ impl Method {
                     n
                 }
             }
-            Kind::ParticlesResampled { n } => n,
+            Kind::ParticlesResampled { n }
+            | Kind::ParticlesAugmented { n }
+            | Kind::ParticlesSeeded { n, .. } => n,
         }
     }
-}
-
-/// A belief about one trial.
-pub(super) trait Belief {
-    /// Adds a reading (session frame).
-    fn add(&mut self, reading: &Reading);
-    /// The letters' probabilities, which sum to 1.
-    fn identities(&self) -> Vec<f64>;
-    /// Most likely pose of the letter of this index: `session_from_object`.
-    fn pose(&self, letter: usize) -> Option<Pose>;
 }
 
 /// A method prepared for a seed's maps.
@@ -196,12 +216,16 @@ impl<'a> Prepared<'a> {
             let maps: Vec<OccupancyGrid> = maps().cloned().collect();
             (Arc::new(HistogramModel::new(maps, table.clone(), &bins, share)), bins, extent)
         };
+        let fields = || maps().map(|map| ClassField::new(map, &table)).collect();
         let (histogram, fields) = match method.kind {
             Kind::Adaptive => (None, vec![]),
             Kind::Histogram(n, extent) => (Some(histogram(n, extent, BinShare::Center)), vec![]),
             Kind::Extents(n) => (Some(histogram(n, Extent::Exhaustive, BinShare::Extent)), vec![]),
-            Kind::Particles { .. } | Kind::ParticlesResampled { .. } => {
-                (None, maps().map(|map| ClassField::new(map, &table)).collect())
+            Kind::Particles { .. }
+            | Kind::ParticlesResampled { .. }
+            | Kind::ParticlesAugmented { .. } => (None, fields()),
+            Kind::ParticlesSeeded { bins, .. } => {
+                (Some(histogram(bins, Extent::Exhaustive, BinShare::Center)), fields())
             }
         };
         let adaptive = matches!(method.kind, Kind::Adaptive).then(|| adaptive_belief(lab));
@@ -215,21 +239,36 @@ impl<'a> Prepared<'a> {
             return Box::new(Adaptive { belief: belief.clone(), sensor: &self.lab.sensor });
         }
         let exponent = self.method.exponent;
-        if let Some((model, bins, extent)) = &self.histogram {
+        let bins = self.histogram.as_ref().map(|(model, bins, extent)| {
             let filter = PlanarHistogram::new(model.clone(), *bins, *extent, exponent);
-            return Box::new(Bins { filter, lab: self.lab });
-        }
+            (Bins { filter, lab: self.lab }, *bins)
+        });
+        let bins = match (bins, &self.method.kind) {
+            (Some((histogram, bins)), Kind::ParticlesSeeded { .. }) => Some((histogram, bins)),
+            (Some((histogram, _)), _) => return Box::new(histogram),
+            (None, _) => None,
+        };
         let n = self.method.hypotheses(self.fields.len());
         let mut options = ParticleOptions { exponent, ..ParticleOptions::literal(n) };
         if let Kind::ParticlesResampled { .. } = self.method.kind {
             options.resampling = Resampling::Systematic;
             options.resample_below = 0.5;
-            options.injection = Injection::Share(0.05);
+            options.injection = Injection::Share(SEEDED_SHARE);
+        }
+        if let Kind::ParticlesAugmented { .. } = self.method.kind {
+            options.injection = AUGMENTED;
         }
         let region = PoseRegion::Planar { center: DVec3::ZERO, half: DVec3::splat(REACH) };
         let seed = self.lab.seed << 20 | trial;
         let filter = ParticleFilter::new(options, region, self.fields.len(), seed);
-        Box::new(Particles { filter, fields: &self.fields, lab: self.lab })
+        let particles = Particles { filter, fields: &self.fields, lab: self.lab };
+        match bins {
+            None => Box::new(particles),
+            Some((histogram, bins)) => {
+                let stream = Stream::new(self.lab.seed, Purpose::Particles, 1 << 40 | trial);
+                Box::new(Seeded { particles, histogram, bins, stream, n_readings: 0 })
+            }
+        }
     }
 }
 
@@ -247,65 +286,4 @@ pub(super) fn adaptive_belief(lab: &Lab) -> GeometricBelief {
     let options = GeometricOptions { pose, filter, seed: lab.seed };
     GeometricBelief::new(&PreparedGeometry::new(Arc::new(lab.model.clone())), options, None)
         .expect("planar training gives every letter a mosaic")
-}
-
-struct Adaptive<'a> {
-    belief: GeometricBelief,
-    sensor: &'a SensorDescription,
-}
-
-impl Belief for Adaptive<'_> {
-    fn add(&mut self, reading: &Reading) {
-        self.belief.add(reading, self.sensor).expect("the rig presses straight down");
-    }
-
-    fn identities(&self) -> Vec<f64> {
-        self.belief.answer(0).probabilities
-    }
-
-    fn pose(&self, letter: usize) -> Option<Pose> {
-        let modes = self.belief.answer(3).modes;
-        modes.iter().find(|mode| mode.object.0 as usize == letter).map(|m| m.session_from_object)
-    }
-}
-
-struct Bins<'a> {
-    filter: PlanarHistogram,
-    lab: &'a Lab,
-}
-
-impl Belief for Bins<'_> {
-    fn add(&mut self, reading: &Reading) {
-        self.filter.add(self.lab.classified(reading));
-    }
-
-    fn identities(&self) -> Vec<f64> {
-        normalize(&self.filter.log_identities())
-    }
-
-    fn pose(&self, letter: usize) -> Option<Pose> {
-        self.filter.mode(letter).map(|(pose, _)| pose)
-    }
-}
-
-struct Particles<'a> {
-    filter: ParticleFilter,
-    fields: &'a [ClassField],
-    lab: &'a Lab,
-}
-
-impl Belief for Particles<'_> {
-    fn add(&mut self, reading: &Reading) {
-        let press = self.lab.classified(reading);
-        let fields = self.fields;
-        self.filter.add(|object, pose| fields[object].log_likelihood(&press, pose));
-    }
-
-    fn identities(&self) -> Vec<f64> {
-        self.filter.identities()
-    }
-
-    fn pose(&self, letter: usize) -> Option<Pose> {
-        self.filter.mode(letter, 1.0 * MM, 1.0)
-    }
 }

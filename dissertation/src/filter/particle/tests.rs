@@ -119,3 +119,20 @@ fn solid_regions_bound_translation_and_angle() {
     }
     assert!((0..3).all(|object| filter.particles().iter().any(|p| p.object == object)));
 }
+
+#[test]
+fn foreign_hypotheses_replace_the_lightest_particles() {
+    // Weights 1, 2, 3, 4 tenths; two foreign ones replace the first two with the mean, 0.25 each:
+    // 0.25 + 0.25 + 0.3 + 0.4 = 1.2.
+    let mut filter = ParticleFilter::new(ParticleOptions::literal(4), PLANE, 3, 3);
+    for (idx, particle) in filter.particles.iter_mut().enumerate() {
+        particle.object = 0;
+        particle.log_weight = ((idx + 1) as f64 / 10.0).ln();
+    }
+    let pose = Pose { translation: DVec3::X * MM, ..Pose::IDENTITY };
+    filter.replace_lightest(&[(1, pose), (2, pose)]);
+    let identities = filter.identities();
+    let expected = [0.7 / 1.2, 0.25 / 1.2, 0.25 / 1.2];
+    assert!(identities.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{identities:?}");
+    assert!(filter.particles()[0].session_from_object.distance_to(&pose) < 1e-15);
+}

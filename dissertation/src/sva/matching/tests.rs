@@ -3,16 +3,23 @@
 use super::super::test_support::{map, one_turn, patch};
 use super::*;
 use crate::filter::sparse::{ProductRule, SparseHistogram};
+use crate::sva::priors::MatchPriors;
 use palpate_core::pose::Pose;
 
 /// Stored weights are rounded to 65,535ths.
 const ROUNDING: f64 = 1e-4;
 
+/// Even priors, those of any map.
+fn even(map: &ObjectMap) -> MatchWeights {
+    MatchWeights::new(&[std::sync::Arc::new(map.clone())], MatchPriors::Even)
+}
+
 /// Total evidence for the map from an observed pair that is `distance_mm` long along x.
 fn total(map: &ObjectMap, distance_mm: f64, classes: [&[(u8, f64)]; 2]) -> f64 {
     let a = patch([0.0; 3], classes[0]);
     let b = patch([distance_mm, 0.0, 0.0], classes[1]);
-    find_poses(map, &PairQuery::new(&a, &b).unwrap(), &one_turn()).total()
+    let query = PairQuery::new(&a, &b).unwrap();
+    find_poses(map, &query, &one_turn(), &even(map)).total()
 }
 
 #[test]
@@ -58,7 +65,7 @@ fn sampled_rotations_share_the_weight_of_their_match() {
     let stored = map(&[patch([0.0; 3], &[(0, 1.0)]), patch([35.0, 0.0, 0.0], &[(1, 0.5)])], 10);
     let (a, b) = (patch([0.0; 3], &[(0, 1.0)]), patch([35.0, 0.0, 0.0], &[(1, 1.0)]));
     let options = SvaOptions { sigma_init: 0.5, ..SvaOptions::literal() };
-    let evidence = find_poses(&stored, &PairQuery::new(&a, &b).unwrap(), &options);
+    let evidence = find_poses(&stored, &PairQuery::new(&a, &b).unwrap(), &options, &even(&stored));
     assert!((evidence.total() - 0.5).abs() < ROUNDING, "{}", evidence.total());
 }
 
@@ -75,7 +82,7 @@ fn a_match_gives_the_pose_that_aligns_it() {
     });
     let query = PairQuery::new(&seen[0], &seen[1]).unwrap();
     let options = one_turn();
-    let evidence = find_poses(&stored, &query, &options);
+    let evidence = find_poses(&stored, &query, &options, &even(&stored));
     let mut belief = SparseHistogram::new(ProductRule::Strict, 10);
     belief.multiply(&evidence, 1.0, 0.0, 1.0);
     let best = belief.best(10, 0.0);
