@@ -79,6 +79,10 @@ pub struct SurfaceScale {
     /// largest catalogue and with those of `--thousand` from a hundred objects on; 0 for none.
     #[arg(long, default_value_t = 0)]
     pub oracle: usize,
+    /// Of these, sessions that the search did not lose and that are repeated on finer maps, which
+    /// take seconds each.
+    #[arg(long, default_value_t = 40)]
+    pub finer: usize,
     /// Seed of everything random.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -258,9 +262,8 @@ fn one_catalogue(
     report_letters(report, count, &touched.objects, &played);
     report_late_wrong(report, "surface", count, &touched.objects, &played);
     if config.oracle > 0 && is_largest {
-        let (train_readings, sessions_max) = (config.touches.train_readings, config.oracle);
-        let (model, sessions, played) = (&model, &sessions, &played);
-        let examined = Examined { model, sessions, played, train_readings, sessions_max };
+        let (train_readings, sessions) = (config.touches.train_readings, &sessions);
+        let examined = Examined::new(config, train_readings, &model, sessions, &played);
         let these = |wanted: &BTreeSet<usize>| {
             Ok(wanted.iter().map(|at| (*at, touched.objects[*at].clone())).collect())
         };

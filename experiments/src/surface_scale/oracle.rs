@@ -1,12 +1,14 @@
 //! The oracle column: why a session names a wrong object, told by what it would take to be right.
 //!
 //! After some number of touches every examined wrong session is repeated from the truth. If the
-//! true object then has more evidence than every other, because the search starts at the true
-//! pose (after two touches: because all its pairs are compared), the *search* lost it. Otherwise
-//! it and its strongest rivals get a *map* of four times as many touches, with the same widths of
-//! kernel, and then the *mesh* itself as their map. What still loses is the *likelihood*'s: the
-//! touches as they are compared tell too little. From the third touch on rivals keep the poses
-//! that the search gave them; all poses are refined on the map in question.
+//! true object then has more evidence than every other, the search lost it: by *refinement* if
+//! a pose near the true one was left and only its place was not exact, else by *proposal* (after
+//! two touches: not all pairs were compared). Otherwise the true object and its strongest rivals
+//! get a *map* of four times as many touches, with the same widths of kernel, and then the *mesh*
+//! itself as their map. What still loses is the *likelihood*'s. From the third touch on rivals
+//! keep the poses that the search gave them; all poses are refined on the map in question. Finer
+//! maps take seconds each: sessions beyond a number stay *open*. A change of map decides anew
+//! whatever was close, so that these shares are upper bounds.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -26,6 +28,7 @@ use palpate_sim::press::PressSimulator;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::SurfaceScale;
 use crate::object_sessions::Sessions;
 use crate::objects::{self, TestObject};
 use crate::played::{Played, Step};
@@ -52,38 +55,49 @@ const PAIRED_MAX: usize = 1_200;
 /// Least cosine of a patch's normal with that of the mesh point whose appearance it gives.
 const FACING_MIN: f32 = 0.5;
 
+/// Distance (m) and angle (rad) within which a pose is near the true one: refinement should find
+/// it.
+const NEAR: (f64, f64) = (0.012, 0.44);
+
 /// What lost a session.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Cause {
-    /// The true pose has more evidence than any other object.
-    Search,
-    /// It has on maps of four times as many touches.
+    /// The true pose has more evidence than any other object, and no pose near it was left.
+    Proposal,
+    /// The same, and one was left.
+    Refinement,
+    /// It has more evidence on maps of four times as many touches.
     Map,
     /// It has on the meshes.
     Mesh,
     /// It has nowhere.
     Likelihood,
+    /// It does not have on the catalogue's maps; finer ones were not tried.
+    Open,
 }
 
 impl Cause {
-    const ALL: [(Self, &'static str); 4] = [
-        (Self::Search, "search"),
+    const ALL: [(Self, &'static str); 6] = [
+        (Self::Proposal, "proposal"),
+        (Self::Refinement, "refinement"),
         (Self::Map, "map"),
         (Self::Mesh, "mesh"),
         (Self::Likelihood, "likelihood"),
+        (Self::Open, "open"),
     ];
 }
 
 /// Sessions to examine, and how their objects were learnt.
 pub(super) struct Examined<'a> {
-    pub(super) model: &'a Arc<SurfaceModel>,
-    pub(super) sessions: &'a Sessions<'a>,
-    pub(super) played: &'a Played,
+    model: &'a Arc<SurfaceModel>,
+    sessions: &'a Sessions<'a>,
+    played: &'a Played,
     /// Training readings per object.
-    pub(super) train_readings: usize,
+    train_readings: usize,
     /// Sessions examined per number of touches, at most.
-    pub(super) sessions_max: usize,
+    sessions_max: usize,
+    /// Of these, sessions that are repeated on finer maps.
+    finer_max: usize,
 }
 
 /// A wrong session, and the evidence (ln) of the true object less that of its strongest rival.
@@ -93,6 +107,8 @@ struct Lost {
     trial: usize,
     /// By the search, on the catalogue's maps.
     found: f64,
+    /// Whether the search has left a pose near the true one.
+    is_near: bool,
     /// From the true pose.
     search: Option<f64>,
     /// From the true pose on maps of four times as many touches; `None` if not needed.
@@ -108,11 +124,13 @@ struct Lost {
 impl Lost {
     fn cause(&self) -> Cause {
         let wins = |margin: Option<f64>| margin.is_some_and(|margin| margin > 0.0);
-        match (wins(self.search), wins(self.map), wins(self.mesh)) {
-            (true, ..) => Cause::Search,
-            (false, true, _) => Cause::Map,
-            (false, false, true) => Cause::Mesh,
-            (false, false, false) => Cause::Likelihood,
+        match (wins(self.search), self.is_near, self.map, self.mesh) {
+            (true, false, ..) => Cause::Proposal,
+            (true, true, ..) => Cause::Refinement,
+            (false, _, None, None) => Cause::Open,
+            (false, _, map, _) if wins(map) => Cause::Map,
+            (false, _, _, mesh) if wins(mesh) => Cause::Mesh,
+            _ => Cause::Likelihood,
         }
     }
 }
@@ -141,22 +159,32 @@ pub(super) fn run(
             lost.extend(examined.repeated(step)?);
         }
     }
-    let of = |lost: &Lost| lost.rivals.iter().copied().chain([lost.object]).collect::<Vec<_>>();
-    let open = lost.iter().filter(|lost| lost.cause() != Cause::Search);
-    let wanted: BTreeSet<usize> = open.flat_map(of).collect();
+    let tried = finer_sessions(&lost, examined.finer_max);
+    let of = |at: &usize| lost[*at].rivals.iter().copied().chain([lost[*at].object]);
+    let wanted: BTreeSet<usize> = tried.iter().flat_map(of).collect();
     progress("finer maps", 0, wanted.len());
     let objects = objects(&wanted)?;
     let finer = |(index, object): (&usize, &TestObject)| Some((*index, examined.finer(object)?));
     let finer: BTreeMap<usize, Finer> = objects.par_iter().filter_map(finer).collect();
-    for lost in &mut lost {
-        if lost.cause() == Cause::Search {
-            continue;
-        }
+    for at in tried {
+        let lost = &mut lost[at];
         lost.map = examined.margin(lost, |index| Some(&finer.get(&index)?.touched))?;
         lost.mesh = examined.margin(lost, |index| Some(&finer.get(&index)?.mesh))?;
     }
     add_to(report, examined, &lost);
     Ok(())
+}
+
+/// The sessions to repeat on finer maps: at most `n` of each number of touches that the search did
+/// not lose.
+fn finer_sessions(lost: &[Lost], n: usize) -> Vec<usize> {
+    let of = |readings| {
+        let is_open = move |lost: &Lost| lost.readings == readings && lost.cause() == Cause::Open;
+        let open: Vec<usize> = (0..lost.len()).filter(|at| is_open(&lost[*at])).collect();
+        let n = n.min(open.len());
+        (0..n).map(|at| open[at * open.len() / n]).collect::<Vec<_>>()
+    };
+    EXAMINED_AT.into_iter().flat_map(of).collect()
 }
 
 fn add_to(report: &mut Report, examined: &Examined<'_>, all: &[Lost]) {
@@ -180,7 +208,19 @@ fn add_to(report: &mut Report, examined: &Examined<'_>, all: &[Lost]) {
     }
 }
 
-impl Examined<'_> {
+impl<'a> Examined<'a> {
+    /// The sessions that the arguments want examined.
+    pub(super) fn new(
+        config: &SurfaceScale,
+        train_readings: usize,
+        model: &'a Arc<SurfaceModel>,
+        sessions: &'a Sessions<'a>,
+        played: &'a Played,
+    ) -> Self {
+        let (sessions_max, finer_max) = (config.oracle, config.finer);
+        Self { model, sessions, played, train_readings, sessions_max, finer_max }
+    }
+
     /// The belief after a step of a session, and the true pose of its object.
     fn replayed(
         &self,
@@ -201,13 +241,15 @@ impl Examined<'_> {
     /// pairs nor poses decide.
     fn repeated(&self, step: &Step) -> anyhow::Result<Option<Lost>> {
         let Step { object, trial, readings, .. } = *step;
-        let evidence = self.replayed(object, trial, readings)?.0.log_evidence();
+        let (belief, truth) = self.replayed(object, trial, readings)?;
+        let evidence = belief.log_evidence();
         let mut rivals: Vec<usize> = (0..evidence.len()).filter(|at| *at != object).collect();
         rivals.sort_by(|a, b| evidence[*b].total_cmp(&evidence[*a]));
         rivals.truncate(RIVALS);
         let found = evidence[object] - evidence[rivals[0]];
+        let is_near = belief.has_pose_near(index(object), &truth, NEAR.0, NEAR.1);
         let (search, map, mesh) = (None, None, None);
-        let lost = Lost { readings, trial, found, search, map, mesh, object, rivals };
+        let lost = Lost { readings, trial, found, is_near, search, map, mesh, object, rivals };
         let own = |index: usize| self.model.maps().get(index).map(|map| &**map);
         let search = self.margin(&lost, own)?;
         Ok(search.map(|margin| Lost { search: Some(margin), ..lost }))
@@ -298,20 +340,26 @@ mod tests {
 
     #[test]
     fn the_first_remedy_that_makes_a_session_right_is_its_cause() {
-        let lost = |[search, map, mesh]: [f64; 3]| Lost {
+        let lost = |is_near, [search, map, mesh]: [f64; 3]| Lost {
             readings: 4,
             trial: 0,
             found: -1.0,
+            is_near,
             search: Some(search),
             map: Some(map),
             mesh: Some(mesh),
             object: 0,
             rivals: vec![1],
         };
-        assert_eq!(lost([0.1, 1.0, 1.0]).cause(), Cause::Search);
-        assert_eq!(lost([-0.1, 1.0, -1.0]).cause(), Cause::Map);
-        assert_eq!(lost([-0.1, -1.0, 1.0]).cause(), Cause::Mesh);
-        assert_eq!(lost([-0.1, -1.0, 0.0]).cause(), Cause::Likelihood);
+        assert_eq!(lost(false, [0.1, 1.0, 1.0]).cause(), Cause::Proposal);
+        assert_eq!(lost(true, [0.1, 1.0, 1.0]).cause(), Cause::Refinement);
+        assert_eq!(lost(true, [-0.1, 1.0, -1.0]).cause(), Cause::Map);
+        assert_eq!(lost(true, [-0.1, -1.0, 1.0]).cause(), Cause::Mesh);
+        assert_eq!(lost(true, [-0.1, -1.0, 0.0]).cause(), Cause::Likelihood);
+        let open = Lost { map: None, mesh: None, ..lost(true, [-0.1, 0.0, 0.0]) };
+        assert_eq!(open.cause(), Cause::Open);
+        assert_eq!(finer_sessions(&[open.clone(), open.clone()], 1), [0]);
+        assert!(finer_sessions(&[open], 0).is_empty());
     }
 
     #[test]

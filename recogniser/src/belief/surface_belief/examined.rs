@@ -62,6 +62,25 @@ impl SurfaceBelief {
             _ => None,
         }
     }
+
+    /// Whether a pose of an object that the search has left lies within `distance` (m) and
+    /// `angle` (rad) of `session_from_object`.
+    #[must_use]
+    pub fn has_pose_near(
+        &self,
+        object: ObjectIdx,
+        session_from_object: &Pose,
+        distance: f64,
+        angle: f64,
+    ) -> bool {
+        let of = self.leading().explained();
+        let Some(belief) = of.objects.get(object.0 as usize) else { return false };
+        belief.hypotheses.iter().any(|hypothesis| {
+            let pose = hypothesis.session_from_object(self.anchor);
+            pose.distance_to(session_from_object) <= distance
+                && pose.angle_to(session_from_object) <= angle
+        })
+    }
 }
 
 /// The evidence of two touches by all pairs of a map.
@@ -129,6 +148,7 @@ mod tests {
         let mut belief = touched(4);
         let map = Arc::clone(&belief.model().maps()[0]);
         let found = belief.log_evidence_on(ObjectIdx(0), &map, &[]).unwrap();
+        assert!(belief.has_pose_near(ObjectIdx(0), &some_pose(5), 0.01, 0.4));
         assert!(found >= belief.log_evidence()[0] - 1e-3, "{found}");
         // Without any pose only the floor is left: 4 ln 0.01.
         let of = belief.rest.explained();
@@ -139,6 +159,7 @@ mod tests {
         assert!((lost - 4.0 * 0.01f64.ln()).abs() < 1e-3, "{lost}");
         let started = belief.log_evidence_on(ObjectIdx(0), &map, &[some_pose(5)]).unwrap();
         assert!(started > 4.0 * 5.0, "{started}");
+        assert!(!belief.has_pose_near(ObjectIdx(0), &some_pose(5), 0.01, 0.4), "none is left");
     }
 
     #[test]
