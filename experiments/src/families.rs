@@ -102,6 +102,14 @@ impl Families {
         Ok(Self { parents, signatures, seed, next: 0 })
     }
 
+    /// The same objects from the first on.
+    ///
+    /// # Errors
+    /// As [`Families::new`].
+    pub fn again(self) -> anyhow::Result<Self> {
+        Self::new(self.parents, self.seed)
+    }
+
     fn member(&mut self, index: usize) -> anyhow::Result<TestObject> {
         let (parent, generation) = (index % self.parents.len(), index / self.parents.len());
         let TestObject { name, mesh } = &self.parents[parent];
@@ -232,6 +240,9 @@ mod tests {
         let (few, more) = (families(parents(), 2, 7).unwrap(), families(parents(), 3, 7).unwrap());
         assert_eq!(few[1].mesh, more[1].mesh);
         assert!(few[1].mesh != families(parents(), 2, 8).unwrap()[1].mesh, "another seed");
+        let mut twice = Families::new(parents(), 7).unwrap();
+        assert!(twice.by_ref().take(3).all(|object| object.is_ok()));
+        assert_eq!(twice.again().unwrap().nth(1).unwrap().unwrap().mesh, few[1].mesh);
     }
 
     #[test]

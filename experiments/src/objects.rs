@@ -18,6 +18,7 @@ use rayon::prelude::*;
 use crate::report::Progress;
 
 /// A named mesh of the wanted size.
+#[derive(Clone)]
 pub struct TestObject {
     /// Its name: that of the shape or the file without its extension.
     pub name: String,

@@ -11,9 +11,12 @@
 //! the touches (`chosen`). Time is processor time of one thread per reading, answer included.
 
 mod chosen;
+mod figures;
+mod oracle;
 mod own;
 mod thousand;
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -32,9 +35,10 @@ use crate::arguments::{ObjectSet, TouchSet, count};
 use crate::disturbance::Disturbance;
 use crate::object_sessions::{Recogniser, Sessions, train_surface, train_sva};
 use crate::objects::{self, TestObject};
-use crate::played::{Played, Step, report_wrong};
+use crate::played::Played;
 use crate::report::{Outcome, Progress, Report};
-use crate::statistics::mean;
+use figures::{InCatalogue, report_catalogue, report_late_wrong, report_letters};
+use oracle::Examined;
 use thousand::Growth;
 
 /// The letters that differ as solids: capitals without U, V, W and Z.
@@ -68,6 +72,17 @@ pub struct SurfaceScale {
     /// Takes long.
     #[arg(long)]
     pub thousand: bool,
+    /// Size of the largest catalogue with `--thousand`. Ten thousand take about 5 GB and five hours.
+    #[arg(long, default_value_t = 1_000, value_parser = count)]
+    pub largest: usize,
+    /// Wrong sessions per number of touches whose cause is looked for (`oracle`), with the
+    /// largest catalogue and with those of `--thousand` from a hundred objects on; 0 for none.
+    #[arg(long, default_value_t = 0)]
+    pub oracle: usize,
+    /// Of these, sessions that the search did not lose and that are repeated on finer maps, which
+    /// take seconds each.
+    #[arg(long, default_value_t = 40)]
+    pub finer: usize,
     /// Seed of everything random.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -113,7 +128,7 @@ pub fn run(config: &SurfaceScale, progress: Progress<'_>) -> anyhow::Result<Outc
         let Touched { objects, train, test } = touched;
         // Memory is measured, so that only the meshes are kept.
         drop((train, test));
-        let growth = Growth::default();
+        let growth = Growth::up_to(config.largest);
         panels.extend(thousand::run(config, &growth, objects, &mut report, progress)?);
     }
     Ok(Outcome { report, plot: svg(&panels), pictures: Vec::new() })
@@ -240,11 +255,20 @@ fn one_catalogue(
         let objects = &touched.objects[..count];
         chosen::run(config, &model, objects, &sessions, report, progress)?;
     }
-    let surface = Recogniser::Surface { model, options: SurfaceOptions::default() };
+    let options = SurfaceOptions::default();
+    let surface = Recogniser::Surface { model: model.clone(), options };
     let played = sessions.play(&surface, count, config.trials * count, progress)?;
     report_catalogue(report, "", count, &surface, &played);
     report_letters(report, count, &touched.objects, &played);
     report_late_wrong(report, "surface", count, &touched.objects, &played);
+    if config.oracle > 0 && is_largest {
+        let (train_readings, sessions) = (config.touches.train_readings, &sessions);
+        let examined = Examined::new(config, train_readings, &model, sessions, &played);
+        let these = |wanted: &BTreeSet<usize>| {
+            Ok(wanted.iter().map(|at| (*at, touched.objects[*at].clone())).collect())
+        };
+        oracle::run(&examined, these, report, progress)?;
+    }
     let mut lines = vec![line("surface", config.readings, &played)];
     if config.literal_sessions > 0 {
         progress("training the printed method", 0, 1);
@@ -262,67 +286,6 @@ fn one_catalogue(
 fn line(name: &str, readings: usize, played: &Played) -> Line {
     let points = (1..=readings).map(|n| (n as f64, played.accuracy(n))).collect();
     Line { name: name.to_owned(), points }
-}
-
-/// Figures of a catalogue.
-#[derive(Serialize)]
-struct InCatalogue<T> {
-    objects: usize,
-    #[serde(flatten)]
-    figures: T,
-}
-
-fn report_catalogue(
-    report: &mut Report,
-    prefix: &str,
-    count: usize,
-    recogniser: &Recogniser,
-    played: &Played,
-) {
-    let readings = played.steps.iter().map(|step| step.readings).max().unwrap_or(0);
-    for readings in 1..=readings {
-        report.labelled(
-            &[("method", if prefix.is_empty() { "surface" } else { "literal" })],
-            InCatalogue { objects: count, figures: played.figures(readings) },
-        );
-    }
-    let mut state = |key: &str, value: f64| report.summarise(&format!("{prefix}{key}"), value);
-    for readings in [1, 2, 3, 4, 6, 10].into_iter().filter(|n| *n <= readings) {
-        state(&format!("accuracy_{count}_at_{readings}"), played.accuracy(readings));
-    }
-    if let Some(cpu_ms) = played.cpu_ms {
-        state(&format!("ms_per_touch_{count}"), cpu_ms);
-    }
-    state(&format!("wall_ms_per_touch_{count}"), mean(&played.wall_ms()));
-    state(&format!("bytes_{count}"), recogniser.bytes() as f64);
-    state(&format!("trials_{count}"), played.after(1).count() as f64);
-}
-
-/// Adds the accuracy of trials with letters and with all other objects: flat letters of one size
-/// share most of their surface.
-fn report_letters(report: &mut Report, count: usize, objects: &[TestObject], played: &Played) {
-    for (kind, letters) in [("letters", true), ("others", false)] {
-        for readings in [4, 6] {
-            let of_kind = |step: &&Step| objects[step.object].name.starts_with(LETTER) == letters;
-            let steps = played.after(readings).filter(of_kind);
-            let right: Vec<f64> = steps.map(|step| f64::from(u8::from(step.is_right()))).collect();
-            if !right.is_empty() {
-                report.summarise(&format!("{kind}_accuracy_{count}_at_{readings}"), mean(&right));
-            }
-        }
-    }
-}
-
-/// Adds a row for each trial that names the wrong object after four or more readings.
-fn report_late_wrong(
-    report: &mut Report,
-    method: &str,
-    count: usize,
-    objects: &[TestObject],
-    played: &Played,
-) {
-    let late = played.steps.iter().filter(|step| step.readings >= 4);
-    report_wrong(report, &[("method", method), ("objects", &count.to_string())], objects, late);
 }
 
 #[cfg(test)]

@@ -15,6 +15,7 @@ mod image_doubt;
 mod misfit;
 mod motion;
 mod object;
+mod pair_weight;
 mod positions;
 mod posterior;
 mod predictive;

@@ -6,6 +6,7 @@
 //! The appearance space is learnt from the first hundred objects; every other object is made,
 //! touched, mapped and dropped. Exponents are slopes of ln time and ln memory over ln objects.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use anyhow::Context as _;
@@ -23,12 +24,14 @@ use palpate_sim::plot::{Line, Panel};
 use palpate_sim::shapes::assembled;
 use serde::Serialize;
 
+use super::figures::resident_bytes;
+use super::oracle::{self, Examined};
 use super::{InCatalogue, LETTER, SurfaceScale, report_left_out};
 use crate::disturbance::Disturbance;
 use crate::families::Families;
 use crate::object_sessions::{Recogniser, Sessions};
 use crate::objects::{self, TestObject};
-use crate::played::Figures;
+use crate::played::{Figures, Played};
 use crate::report::{Progress, Report};
 use crate::stated::wilson;
 use crate::statistics::{mean, quantile};
@@ -67,6 +70,13 @@ impl Default for Growth {
 }
 
 impl Growth {
+    /// Catalogues of at most this many objects, the largest of exactly as many.
+    pub(super) fn up_to(largest: usize) -> Self {
+        let usual = Self::default();
+        let smaller = usual.counts.iter().chain(&[3_000]).filter(|count| **count < largest);
+        Self { counts: smaller.copied().chain([largest]).collect(), ..usual }
+    }
+
     /// The size of the largest catalogue.
     fn largest(&self) -> usize {
         self.counts.last().copied().unwrap_or(0)
@@ -82,6 +92,9 @@ impl Growth {
 
 /// Readings per session.
 const READINGS: usize = 6;
+
+/// Least size of a smaller catalogue whose wrong answers are examined.
+const EXAMINED_MIN: usize = 100;
 
 /// Figures of a catalogue of some size.
 struct Measured {
@@ -101,21 +114,29 @@ pub(super) fn run(
 ) -> anyhow::Result<Vec<Panel>> {
     progress("growing families", 0, 1);
     let largest = growth.largest();
-    let objects = Families::new(with_assembled(parents, config, growth)?, config.seed)?;
-    let (model, test) = learn(config, growth, objects, report, progress)?;
+    let mut objects = Families::new(with_assembled(parents, config, growth)?, config.seed)?;
+    let Learnt { model, test, names } = learn(config, growth, &mut objects, report, progress)?;
     prepare(&model, &SurfaceOptions::default());
     if let Some(bytes) = resident_bytes() {
         report.summarise(&format!("rss_bytes_{largest}"), bytes);
     }
     let mut measured = Vec::new();
     for count in &growth.counts {
-        let maps = model.maps()[..*count].to_vec();
-        let model = model.with_maps(maps);
-        measured.push(measure(config, growth, model, &test, report, progress)?);
+        let model = Arc::new(model.with_maps(model.maps()[..*count].to_vec()));
+        let (figures, played) = measure(config, growth, &model, &test, report, progress)?;
+        measured.push(figures);
+        if config.oracle > 0 && (*count >= EXAMINED_MIN || *count == largest) {
+            let symmetries = vec![Symmetry::NONE; test.len()];
+            let sessions = sessions(config, &test, &symmetries);
+            let (model, sessions) = (&model, &sessions);
+            let examined = Examined::new(config, growth.train_readings, model, sessions, &played);
+            objects = objects.again()?;
+            let these = |wanted: &BTreeSet<usize>| these(&mut objects, &names, wanted);
+            oracle::run(&examined, these, report, progress)?;
+        }
     }
     let slope = |value: fn(&Measured) -> f64| {
-        let points = measured.iter().map(|m| ((m.count as f64).ln(), value(m).ln()));
-        slope(&points.collect::<Vec<_>>())
+        slope(&measured.iter().map(|m| ((m.count as f64).ln(), value(m).ln())).collect::<Vec<_>>())
     };
     report.summarise("time_exponent", slope(|m| m.ms));
     report.summarise("memory_exponent", slope(|m| m.bytes));
@@ -140,17 +161,42 @@ fn with_assembled(
     Ok(parents)
 }
 
+/// The objects at these indices of the catalogue, made again.
+fn these(
+    objects: &mut Families,
+    names: &[String],
+    wanted: &BTreeSet<usize>,
+) -> anyhow::Result<BTreeMap<usize, TestObject>> {
+    let mut found = BTreeMap::new();
+    for index in wanted {
+        // Objects that were left out are passed by.
+        let made = objects.by_ref().find(|object| match object {
+            Ok(object) => object.name == names[*index],
+            Err(_) => true,
+        });
+        found.insert(*index, made.context("the families never end")??);
+    }
+    Ok(found)
+}
+
+/// All objects of the largest catalogue.
+struct Learnt {
+    model: SurfaceModel,
+    test: Vec<Vec<Reading>>,
+    names: Vec<String>,
+}
+
 /// The model of all objects, and their test readings. Objects that cannot be touched often
 /// enough are left out and named in a row.
 fn learn(
     config: &SurfaceScale,
     growth: &Growth,
-    objects: Families,
+    objects: &mut Families,
     report: &mut Report,
     progress: Progress<'_>,
-) -> anyhow::Result<(SurfaceModel, Vec<Vec<Reading>>)> {
+) -> anyhow::Result<Learnt> {
     let (sensor, largest) = (&config.touches.sensor, growth.largest());
-    let mut test = Vec::with_capacity(largest);
+    let (mut test, mut names) = (Vec::with_capacity(largest), Vec::new());
     // The families never end; if more than half of their members fail, the cause is not the
     // objects.
     let mut objects = objects.take(2 * largest);
@@ -164,6 +210,7 @@ fn learn(
             match both {
                 Ok((train, tested)) => {
                     test.push(tested);
+                    names.push(object.name);
                     return Ok(train);
                 }
                 Err(error) => report_left_out(report, &object, &error),
@@ -187,7 +234,8 @@ fn learn(
     while maps.len() < largest {
         maps.push(map(&touched()?)?);
     }
-    Ok((SurfaceModel::new(space, EvidenceCalibration::default(), maps), test))
+    let model = SurfaceModel::new(space, EvidenceCalibration::default(), maps);
+    Ok(Learnt { model, test, names })
 }
 
 #[derive(Serialize)]
@@ -203,23 +251,15 @@ struct OfFamilies {
 fn measure(
     config: &SurfaceScale,
     growth: &Growth,
-    model: SurfaceModel,
+    model: &Arc<SurfaceModel>,
     test: &[Vec<Reading>],
     report: &mut Report,
     progress: Progress<'_>,
-) -> anyhow::Result<Measured> {
+) -> anyhow::Result<(Measured, Played)> {
     let count = model.maps().len();
-    let surface =
-        Recogniser::Surface { model: Arc::new(model), options: SurfaceOptions::default() };
-    let mut sessions = Sessions {
-        sensor: &config.touches.sensor,
-        test,
-        symmetries: &vec![Symmetry::NONE; test.len()],
-        seed: config.seed,
-        readings: READINGS,
-        threads: 1,
-        disturbance: Disturbance::None,
-    };
+    let surface = Recogniser::Surface { model: model.clone(), options: SurfaceOptions::default() };
+    let symmetries = vec![Symmetry::NONE; test.len()];
+    let mut sessions = sessions(config, test, &symmetries);
     let n_sessions = growth.sessions.max(count);
     let played = sessions.play(&surface, count, n_sessions, progress)?;
     let wall = mean(&played.wall_ms());
@@ -252,7 +292,25 @@ fn measure(
         report.summarise(&format!("ms_per_touch_{count}"), ms);
         report.summarise(&format!("bytes_{count}"), surface.bytes() as f64);
     }
-    Ok(Measured { count, accuracy: played.accuracy(READINGS), ms, bytes: surface.bytes() as f64 })
+    let (accuracy, bytes) = (played.accuracy(READINGS), surface.bytes() as f64);
+    Ok((Measured { count, accuracy, ms, bytes }, played))
+}
+
+/// The sessions with any of these catalogues, on one thread.
+fn sessions<'a>(
+    config: &'a SurfaceScale,
+    test: &'a [Vec<Reading>],
+    symmetries: &'a [Symmetry],
+) -> Sessions<'a> {
+    Sessions {
+        sensor: &config.touches.sensor,
+        test,
+        symmetries,
+        seed: config.seed,
+        readings: READINGS,
+        threads: 1,
+        disturbance: Disturbance::None,
+    }
 }
 
 /// Slope of the least-squares line through points.
@@ -282,14 +340,6 @@ fn panels(measured: &[Measured]) -> Vec<Panel> {
     ]
 }
 
-/// The resident memory of this process, bytes; Linux only.
-fn resident_bytes() -> Option<f64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
-    let kilobytes: f64 = line.split_whitespace().next()?.parse().ok()?;
-    Some(kilobytes * 1024.0)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -303,7 +353,7 @@ mod tests {
 
     #[test]
     fn small_families_are_learnt_and_recognised() {
-        let config = SurfaceScale { seed: 101, ..defaults() };
+        let config = SurfaceScale { seed: 101, oracle: 4, ..defaults() };
         let growth = Growth {
             counts: vec![3, 8],
             assembled: 1,
@@ -326,7 +376,12 @@ mod tests {
         // The maps have equal size, so that bytes grow linearly with the objects.
         let exponent = summary["memory_exponent"];
         assert!((0.7..1.3).contains(&exponent), "{exponent}");
-        assert_eq!(report.rows.len(), 2 * READINGS);
+        let examined: f64 =
+            [2, 3, 4, 6].map(|n| summary[&format!("examined_8_at_{n}")]).iter().sum();
+        assert_eq!(report.rows.len(), 2 * READINGS + examined as usize);
+        let is_share = |key: &str| key.starts_with("lost_by_") && key.ends_with("_8_at_2");
+        let shares = summary.iter().filter(|(key, _)| is_share(key)).map(|(_, share)| share);
+        assert!((shares.sum::<f64>() - 1.0).abs() < 1e-9, "{summary:?}");
         // With more objects than sessions asked for, each object has its own.
         let trials = |at: usize| report.rows[at]["trials"].clone();
         assert_eq!((trials(0), trials(READINGS)), (6.into(), 8.into()));
@@ -334,8 +389,10 @@ mod tests {
     }
 
     #[test]
-    fn this_process_is_in_memory() {
-        let bytes = resident_bytes().unwrap();
-        assert!((1e6..1e11).contains(&bytes), "{bytes}");
+    fn a_larger_catalogue_adds_to_the_smaller_ones() {
+        assert_eq!(Growth::up_to(1_000).counts, Growth::default().counts);
+        assert_eq!(Growth::up_to(200).counts, [10, 50, 100, 200]);
+        let all = Growth::up_to(10_000).counts;
+        assert_eq!(all, [10, 50, 100, 300, 1_000, 3_000, 10_000]);
     }
 }

@@ -8,6 +8,7 @@ use palpate_core::reading::Looseness;
 use super::common::Common;
 use super::motion::Motion;
 use super::object::{ObjectBelief, for_each_object, n_searched, searched};
+use super::pair_weight::{pair_evidence, usual_density};
 use super::positions;
 use super::posterior::{Explained, n_weighed, posterior};
 use super::retrieval::{n_candidates, retrieval_bar, retrieve};
@@ -24,12 +25,6 @@ use crate::refine::settle::settle;
 use crate::verify::evidence::{Evidence, Known};
 use crate::verify::hypothesis::Hypothesis;
 use crate::verify::motion_prior::{self, MotionPrior};
-
-/// Share of pairs of touches with uninformative geometry: π₂ of equation R17.
-const PAIR_OUTLIERS: f32 = 0.03;
-
-/// Mean geometric weight of the stored pairs in the cells a query visits: π_v of equation R17.
-const VISITED_WEIGHT: f32 = 0.03;
 
 /// Probability above which a pose is likelier than not.
 const LIKELY: f64 = 0.5;
@@ -196,14 +191,9 @@ impl Component {
             return;
         }
         self.stage = Stage::Pair;
-        let n_objects = n_searched(&self.objects).max(1) as f32;
-        let sum: f32 = self.objects.iter().map(|object| object.pair.geometry).sum();
-        let usual = VISITED_WEIGHT * sum / n_objects;
+        let usual = usual_density(&self.objects);
         for object in searched(&mut self.objects) {
-            let pair = &object.pair;
-            let density = if usual > 0.0 { pair.evidence / usual } else { 0.0 };
-            let total = (1.0 - PAIR_OUTLIERS) * density + PAIR_OUTLIERS * pair.appearance;
-            object.log_evidence = f64::from(total.max(f32::MIN_POSITIVE).ln());
+            object.log_evidence = pair_evidence(&object.pair, usual);
         }
     }
 
@@ -381,6 +371,11 @@ impl Component {
     pub(super) fn explained(&self) -> Explained<'_> {
         let Self { motion, stage, touches, objects, .. } = self;
         Explained { stage: *stage, motion: *motion, touches, objects }
+    }
+
+    /// Spaces of all presses.
+    pub(super) fn spaces(&self) -> &[PressSpace] {
+        &self.spaces
     }
 
     /// Heap bytes of its lists.

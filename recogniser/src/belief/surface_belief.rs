@@ -354,6 +354,7 @@ impl SurfaceBelief {
     }
 }
 
+mod examined;
 mod questions;
 #[cfg(test)]
 mod tests;

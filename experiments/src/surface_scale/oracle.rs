@@ -1,0 +1,387 @@
+//! The oracle column: why a session names a wrong object, told by what it would take to be right.
+//!
+//! After some number of touches every examined wrong session is repeated from the truth. If the
+//! true object then has more evidence than every other, the search lost it: by *refinement* if
+//! a pose near the true one was left and only its place was not exact, else by *proposal* (after
+//! two touches: not all pairs were compared). Otherwise the true object and its strongest rivals
+//! get a *map* of four times as many touches, with the same widths of kernel, and then the *mesh*
+//! itself as their map. What still loses is the *likelihood*'s. From the third touch on rivals
+//! keep the poses that the search gave them; all poses are refined on the map in question. Finer
+//! maps take seconds each: sessions beyond a number stay *open*. A change of map decides anew
+//! whatever was close, so that these shares are upper bounds.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+use palpate_core::object::ObjectIdx;
+use palpate_core::pose::Pose;
+use palpate_core::rng::{Purpose, Stream};
+use palpate_core::sensor::SensorDescription;
+use palpate_core::training::TrainingSet;
+use palpate_recogniser::belief::SurfaceBelief;
+use palpate_recogniser::model::map::SurfaceLayout;
+use palpate_recogniser::model::{SurfaceMap, SurfaceModel, SurfacePatch};
+use palpate_recogniser::options::SurfaceOptions;
+use palpate_recogniser::train::{SurfaceConfig, map_surface};
+use palpate_sim::press::PressSimulator;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::SurfaceScale;
+use crate::object_sessions::Sessions;
+use crate::objects::{self, TestObject};
+use crate::played::{Played, Step};
+use crate::report::{Progress, Report};
+
+/// Numbers of touches after which sessions are examined.
+const EXAMINED_AT: [usize; 4] = [2, 3, 4, 6];
+
+/// Factor of the touches of the finer map.
+const FINER: usize = 4;
+
+/// Rivals of the true object that get finer maps, those with the most evidence.
+const RIVALS: usize = 2;
+
+/// Points drawn from a mesh that is a map. An object of 80 mm has one every 1.2 mm.
+const MESH_POINTS: usize = 10_000;
+
+/// Radius (m) over which a mesh's normals are averaged, about that of a contact.
+const CONTACT_RADIUS: f32 = 0.003;
+
+/// Patches of a finer map whose pairs are tabled: memory.
+const PAIRED_MAX: usize = 1_200;
+
+/// Least cosine of a patch's normal with that of the mesh point whose appearance it gives.
+const FACING_MIN: f32 = 0.5;
+
+/// Distance (m) and angle (rad) within which a pose is near the true one: refinement should find
+/// it.
+const NEAR: (f64, f64) = (0.012, 0.44);
+
+/// What lost a session.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Cause {
+    /// The true pose has more evidence than any other object, and no pose near it was left.
+    Proposal,
+    /// The same, and one was left.
+    Refinement,
+    /// It has more evidence on maps of four times as many touches.
+    Map,
+    /// It has on the meshes.
+    Mesh,
+    /// It has nowhere.
+    Likelihood,
+    /// It does not have on the catalogue's maps; finer ones were not tried.
+    Open,
+}
+
+impl Cause {
+    const ALL: [(Self, &'static str); 6] = [
+        (Self::Proposal, "proposal"),
+        (Self::Refinement, "refinement"),
+        (Self::Map, "map"),
+        (Self::Mesh, "mesh"),
+        (Self::Likelihood, "likelihood"),
+        (Self::Open, "open"),
+    ];
+}
+
+/// Sessions to examine, and how their objects were learnt.
+pub(super) struct Examined<'a> {
+    model: &'a Arc<SurfaceModel>,
+    sessions: &'a Sessions<'a>,
+    played: &'a Played,
+    /// Training readings per object.
+    train_readings: usize,
+    /// Sessions examined per number of touches, at most.
+    sessions_max: usize,
+    /// Of these, sessions that are repeated on finer maps.
+    finer_max: usize,
+}
+
+/// A wrong session, and the evidence (ln) of the true object less that of its strongest rival.
+#[derive(Clone, Debug, Serialize)]
+struct Lost {
+    readings: usize,
+    trial: usize,
+    /// By the search, on the catalogue's maps.
+    found: f64,
+    /// Whether the search has left a pose near the true one.
+    is_near: bool,
+    /// From the true pose.
+    search: Option<f64>,
+    /// From the true pose on maps of four times as many touches; `None` if not needed.
+    map: Option<f64>,
+    /// From the true pose on the meshes.
+    mesh: Option<f64>,
+    #[serde(skip)]
+    object: usize,
+    #[serde(skip)]
+    rivals: Vec<usize>,
+}
+
+impl Lost {
+    fn cause(&self) -> Cause {
+        let wins = |margin: Option<f64>| margin.is_some_and(|margin| margin > 0.0);
+        match (wins(self.search), self.is_near, self.map, self.mesh) {
+            (true, false, ..) => Cause::Proposal,
+            (true, true, ..) => Cause::Refinement,
+            (false, _, None, None) => Cause::Open,
+            (false, _, map, _) if wins(map) => Cause::Map,
+            (false, _, _, mesh) if wins(mesh) => Cause::Mesh,
+            _ => Cause::Likelihood,
+        }
+    }
+}
+
+/// The finer maps of an object.
+struct Finer {
+    touched: SurfaceMap,
+    mesh: SurfaceMap,
+}
+
+/// Examines wrong sessions; adds a row for each and the shares of the causes. `objects` gives the
+/// test objects with these indices.
+pub(super) fn run(
+    examined: &Examined<'_>,
+    objects: impl FnOnce(&BTreeSet<usize>) -> anyhow::Result<BTreeMap<usize, TestObject>>,
+    report: &mut Report,
+    progress: Progress<'_>,
+) -> anyhow::Result<()> {
+    let mut lost = Vec::new();
+    for readings in EXAMINED_AT {
+        let wrong: Vec<&Step> =
+            examined.played.after(readings).filter(|step| !step.is_right()).collect();
+        // Spread over all objects.
+        let n = wrong.len().min(examined.sessions_max);
+        for step in (0..n).map(|at| wrong[at * wrong.len() / n]) {
+            lost.extend(examined.repeated(step)?);
+        }
+    }
+    let tried = finer_sessions(&lost, examined.finer_max);
+    let of = |at: &usize| lost[*at].rivals.iter().copied().chain([lost[*at].object]);
+    let wanted: BTreeSet<usize> = tried.iter().flat_map(of).collect();
+    progress("finer maps", 0, wanted.len());
+    let objects = objects(&wanted)?;
+    let finer = |(index, object): (&usize, &TestObject)| Some((*index, examined.finer(object)?));
+    let finer: BTreeMap<usize, Finer> = objects.par_iter().filter_map(finer).collect();
+    for at in tried {
+        let lost = &mut lost[at];
+        lost.map = examined.margin(lost, |index| Some(&finer.get(&index)?.touched))?;
+        lost.mesh = examined.margin(lost, |index| Some(&finer.get(&index)?.mesh))?;
+    }
+    add_to(report, examined, &lost);
+    Ok(())
+}
+
+/// The sessions to repeat on finer maps: at most `n` of each number of touches that the search did
+/// not lose.
+fn finer_sessions(lost: &[Lost], n: usize) -> Vec<usize> {
+    let of = |readings| {
+        let is_open = move |lost: &Lost| lost.readings == readings && lost.cause() == Cause::Open;
+        let open: Vec<usize> = (0..lost.len()).filter(|at| is_open(&lost[*at])).collect();
+        let n = n.min(open.len());
+        (0..n).map(|at| open[at * open.len() / n]).collect::<Vec<_>>()
+    };
+    EXAMINED_AT.into_iter().flat_map(of).collect()
+}
+
+fn add_to(report: &mut Report, examined: &Examined<'_>, all: &[Lost]) {
+    let count = examined.model.maps().len();
+    for lost in all {
+        let cause = Cause::ALL.iter().find(|(cause, _)| *cause == lost.cause());
+        let labels = [("examined", "oracle"), ("cause", cause.map_or("", |(_, name)| name))];
+        report.labelled(&labels, super::InCatalogue { objects: count, figures: lost });
+    }
+    for readings in EXAMINED_AT {
+        let examined: Vec<&Lost> = all.iter().filter(|lost| lost.readings == readings).collect();
+        let n = examined.len() as f64;
+        report.summarise(&format!("examined_{count}_at_{readings}"), n);
+        if examined.is_empty() {
+            continue;
+        }
+        for (cause, name) in Cause::ALL {
+            let found = examined.iter().filter(|lost| lost.cause() == cause).count() as f64;
+            report.summarise(&format!("lost_by_{name}_{count}_at_{readings}"), found / n);
+        }
+    }
+}
+
+impl<'a> Examined<'a> {
+    /// The sessions that the arguments want examined.
+    pub(super) fn new(
+        config: &SurfaceScale,
+        train_readings: usize,
+        model: &'a Arc<SurfaceModel>,
+        sessions: &'a Sessions<'a>,
+        played: &'a Played,
+    ) -> Self {
+        let (sessions_max, finer_max) = (config.oracle, config.finer);
+        Self { model, sessions, played, train_readings, sessions_max, finer_max }
+    }
+
+    /// The belief after a step of a session, and the true pose of its object.
+    fn replayed(
+        &self,
+        object: usize,
+        trial: usize,
+        readings: usize,
+    ) -> anyhow::Result<(SurfaceBelief, Pose)> {
+        let mut belief = SurfaceBelief::new(self.model.clone(), SurfaceOptions::default(), None)?;
+        let mut truth = Pose::IDENTITY;
+        for heard in self.sessions.presented(object, trial).iter().take(readings) {
+            belief.add(&heard.reading, self.sessions.sensor);
+            truth = heard.session_from_object;
+        }
+        Ok((belief, truth))
+    }
+
+    /// A wrong session repeated from the true pose on the catalogue's maps; `None` while neither
+    /// pairs nor poses decide.
+    fn repeated(&self, step: &Step) -> anyhow::Result<Option<Lost>> {
+        let Step { object, trial, readings, .. } = *step;
+        let (belief, truth) = self.replayed(object, trial, readings)?;
+        let evidence = belief.log_evidence();
+        let mut rivals: Vec<usize> = (0..evidence.len()).filter(|at| *at != object).collect();
+        rivals.sort_by(|a, b| evidence[*b].total_cmp(&evidence[*a]));
+        rivals.truncate(RIVALS);
+        let found = evidence[object] - evidence[rivals[0]];
+        let is_near = belief.has_pose_near(index(object), &truth, NEAR.0, NEAR.1);
+        let (search, map, mesh) = (None, None, None);
+        let lost = Lost { readings, trial, found, is_near, search, map, mesh, object, rivals };
+        let own = |index: usize| self.model.maps().get(index).map(|map| &**map);
+        let search = self.margin(&lost, own)?;
+        Ok(search.map(|margin| Lost { search: Some(margin), ..lost }))
+    }
+
+    /// The evidence of the true object from its true pose less that of its strongest rival if
+    /// these were their maps.
+    fn margin<'m>(
+        &self,
+        lost: &Lost,
+        map: impl Fn(usize) -> Option<&'m SurfaceMap>,
+    ) -> anyhow::Result<Option<f64>> {
+        let (belief, truth) = self.replayed(lost.object, lost.trial, lost.readings)?;
+        let on = |object: usize, started: &[Pose]| {
+            belief.log_evidence_on(index(object), map(object)?, started)
+        };
+        let rivals = lost.rivals.iter().map(|rival| on(*rival, &[]));
+        let strongest: Option<Vec<f64>> = rivals.collect();
+        let strongest = strongest.map(|all| all.into_iter().fold(f64::NEG_INFINITY, f64::max));
+        Ok(on(lost.object, &[truth]).zip(strongest).map(|(truth, rival)| truth - rival))
+    }
+
+    /// The finer maps of an object; `None` if it cannot be touched this often.
+    fn finer(&self, object: &TestObject) -> Option<Finer> {
+        let (sensor, space) = (self.sessions.sensor, &self.model.space);
+        let n = FINER * self.train_readings;
+        let readings = objects::touch(object, sensor, n, 2 * self.sessions.seed).ok()?;
+        let layout = SurfaceLayout { pair_patches_max: PAIRED_MAX, ..SurfaceLayout::default() };
+        let config = SurfaceConfig { patches_max: n, layout };
+        let set = TrainingSet { readings: &readings, sensor };
+        let touched = map_surface(&set, space, &config, Some(DVec3::ZERO)).ok()?;
+        let mesh = mesh_map(object, sensor, &touched, layout);
+        Some(Finer { touched, mesh })
+    }
+}
+
+fn index(object: usize) -> ObjectIdx {
+    ObjectIdx(object as u32)
+}
+
+/// The map of a mesh: points of it with its normals, averaged over a contact, and with stretch and
+/// appearance of the nearest of the `touched` patches.
+fn mesh_map(
+    object: &TestObject,
+    sensor: &SensorDescription,
+    touched: &SurfaceMap,
+    layout: SurfaceLayout,
+) -> SurfaceMap {
+    let simulator = PressSimulator::new(object.mesh.clone(), sensor.clone());
+    let mut stream = Stream::new(0, Purpose::Shape, 0);
+    let mut points: Vec<(Vec3, Vec3)> = (0..MESH_POINTS)
+        .map(|_| simulator.draw_point(&mut stream))
+        .map(|drawn| (drawn.point.as_vec3(), drawn.normal.as_vec3()))
+        .collect();
+    points.sort_by(|a, b| a.0.x.total_cmp(&b.0.x));
+    let patch = |at: usize| {
+        let (position, normal) = points[at];
+        let is_near = |x: f32| (x - position.x).abs() < CONTACT_RADIUS;
+        let before = points[..at].iter().rev().take_while(|other| is_near(other.0.x));
+        let after = points[at..].iter().take_while(|other| is_near(other.0.x));
+        let about = before.chain(after).filter(|other| {
+            other.0.distance(position) < CONTACT_RADIUS && other.1.dot(normal) > 0.0
+        });
+        let normal = about.map(|other| other.1).sum::<Vec3>().normalize();
+        let like = touched.patches().iter().min_by(|a, b| {
+            let apart = |patch: &SurfacePatch| {
+                let turned = patch.normal.dot(normal) < FACING_MIN;
+                patch.position.distance(position) + if turned { 1.0 } else { 0.0 }
+            };
+            apart(a).total_cmp(&apart(b))
+        })?;
+        let across = normal.cross(like.direction).normalize_or(normal.any_orthonormal_vector());
+        Some(SurfacePatch { position, normal, direction: across.cross(normal), ..*like })
+    };
+    let patches: Vec<SurfacePatch> = (0..points.len()).filter_map(patch).collect();
+    // Pairs are tabled among the first patches, which must lie anywhere.
+    let mut drawn: Vec<usize> = (0..patches.len()).collect();
+    for at in 0..drawn.len() {
+        drawn.swap(at, at + stream.index(patches.len() - at));
+    }
+    let patches = drawn.into_iter().map(|at| patches[at]).collect();
+    SurfaceMap::new(DVec3::ZERO, patches, layout)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_remedy_that_makes_a_session_right_is_its_cause() {
+        let lost = |is_near, [search, map, mesh]: [f64; 3]| Lost {
+            readings: 4,
+            trial: 0,
+            found: -1.0,
+            is_near,
+            search: Some(search),
+            map: Some(map),
+            mesh: Some(mesh),
+            object: 0,
+            rivals: vec![1],
+        };
+        assert_eq!(lost(false, [0.1, 1.0, 1.0]).cause(), Cause::Proposal);
+        assert_eq!(lost(true, [0.1, 1.0, 1.0]).cause(), Cause::Refinement);
+        assert_eq!(lost(true, [-0.1, 1.0, -1.0]).cause(), Cause::Map);
+        assert_eq!(lost(true, [-0.1, -1.0, 1.0]).cause(), Cause::Mesh);
+        assert_eq!(lost(true, [-0.1, -1.0, 0.0]).cause(), Cause::Likelihood);
+        let open = Lost { map: None, mesh: None, ..lost(true, [-0.1, 0.0, 0.0]) };
+        assert_eq!(open.cause(), Cause::Open);
+        assert_eq!(finer_sessions(&[open.clone(), open.clone()], 1), [0]);
+        assert!(finer_sessions(&[open], 0).is_empty());
+    }
+
+    #[test]
+    fn the_map_of_a_mesh_lies_on_it_and_faces_outwards() {
+        let mut objects = objects::generated(&["mug"], 0.08).unwrap();
+        let object = objects.remove(0);
+        let sensor = SensorDescription::digitacts_6x6();
+        let readings = objects::touch(&object, &sensor, 60, 3).unwrap();
+        let set = TrainingSet { readings: &readings, sensor: &sensor };
+        let space = palpate_recogniser::train::learn_space(&[set], 3).unwrap();
+        let layout = SurfaceLayout { pair_patches_max: 50, ..SurfaceLayout::default() };
+        let config = SurfaceConfig { patches_max: 60, layout };
+        let set = TrainingSet { readings: &readings, sensor: &sensor };
+        let touched = map_surface(&set, &space, &config, Some(DVec3::ZERO)).unwrap();
+        let map = mesh_map(&object, &sensor, &touched, layout);
+        assert_eq!(map.patches().len(), MESH_POINTS);
+        let simulator = PressSimulator::new(object.mesh.clone(), sensor);
+        for patch in map.patches().iter().step_by(100) {
+            let (nearest, normal) = simulator.nearest(patch.position.as_dvec3());
+            assert!(nearest.as_vec3().distance(patch.position) < 1e-6);
+            assert!(normal.as_vec3().dot(patch.normal) > 0.0);
+            assert!(patch.direction.dot(patch.normal).abs() < 1e-5);
+        }
+    }
+}
