@@ -113,18 +113,16 @@ pub(super) fn table_2_1(slabs: &[PointResponse], report: &mut Report) -> anyhow:
     turned.iter().chain(&upright).for_each(|images| images.report(report));
     let grid = *sensor_under(COVERINGS[0], point_spread_of_covering(COVERINGS[0])).grid();
     let drawn = |all: &[&Images], title: &dyn Fn(&Images) -> String| {
-        let kinds: [(&str, fn(&Images) -> &Vec<f64>); 3] = [
-            ("superposed", |images| &images.elastic),
-            ("solved", |images| &images.solved),
-            ("simulator", |images| &images.simulator),
-        ];
-        let row = |(kind, of): (&str, fn(&Images) -> &Vec<f64>)| -> Vec<Grid> {
+        let row = |kind: &str, of: fn(&Images) -> &Vec<f64>| -> Vec<Grid> {
             let one = |images: &&Images| {
                 Grid::scaled(&format!("{kind}, {}", title(images)), &grid, of(images))
             };
             all.iter().map(one).collect()
         };
-        kinds.into_iter().flat_map(row).collect::<Vec<Grid>>()
+        let mut rows = row("superposed", |images| &images.elastic);
+        rows.extend(row("solved", |images| &images.solved));
+        rows.extend(row("simulator", |images| &images.simulator));
+        rows
     };
     let angles: Vec<&Images> = turned.iter().collect();
     let coverings: Vec<&Images> = turned.iter().take(1).chain(&upright).collect();
