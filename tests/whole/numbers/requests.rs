@@ -184,6 +184,10 @@ fn bodies(path: &str) -> Vec<Value> {
         "/v1/fleet/acknowledgements" => {
             vec![json!({"sessions": ["00000000-0000-0000-0000-000000000001"], "mute_s": 60})]
         }
+        // No object of the catalogues: later cases need the sessions open.
+        "/v1/sessions/{session}/close" => {
+            vec![json!({"object": "none-such", "pose": reading()["pose"]})]
+        }
         "/v1/sessions/{session}/lease" => vec![json!({"seconds": 60})],
         "/v1/sessions/{session}/next-touches" => vec![
             json!({"n": 4, "deadline_ms": 100, "seed": 1,
