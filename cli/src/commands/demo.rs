@@ -298,7 +298,8 @@ async fn work(floor: Arc<Floor>, robot: usize) -> anyhow::Result<()> {
         let show = |step: &trial::Step| floor.screen.touched(robot, truth.name(), step);
         let result =
             trial::run(simulated, &mut session, SENSOR.name(), &truth, floor.rule, show).await?;
-        floor.client.close_session(session.id()).await?;
+        // The dashboard then draws the truth beside the belief.
+        floor.client.close_session_with(session.id(), &truth.told()).await?;
         floor.screen.ends(robot, &result);
         floor.results.lock().expect("no robot panicked").push(result);
     }
