@@ -315,7 +315,7 @@ await step("the empty fleet of a new server shows the way to a first session", a
 });
 
 const ROLES = {
-  admin: { views: ["Fleet", "Sessions", "Objects", "Models", "Jobs", "Sensors", "Keys", "Audit", "Snapshots", "Health"], train: true, close: true },
+  admin: { views: ["Fleet", "Sessions", "Objects", "Models", "Jobs", "Sensors", "Keys", "Audit", "Snapshots", "Webhooks", "Health"], train: true, close: true },
   trainer: { views: ["Fleet", "Sessions", "Objects", "Models", "Jobs", "Sensors", "Health"], train: true, close: false },
   viewer: { views: ["Fleet", "Sessions", "Objects", "Models", "Jobs", "Sensors", "Health"], train: false, close: false },
   robot: { views: ["Sessions", "Models", "Sensors"], train: false, close: true },
