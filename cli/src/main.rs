@@ -8,6 +8,7 @@ mod admin_key;
 mod calibrated;
 mod knowledge;
 mod json_file;
+mod numbers;
 mod output;
 mod exit;
 mod method;

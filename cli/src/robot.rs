@@ -122,7 +122,7 @@ impl Robot {
             Landing::NoConvergence | Landing::Unreachable => return Ok(None),
         };
         let image = pressures.into_iter().map(Some).collect();
-        Ok(Some(Press { pose: Some(to_wire(self.session_from_mesh * at)), image, missed }))
+        Ok(Some(Press { pose: Some(wire_pose(self.session_from_mesh * at)), image, missed }))
     }
 
     /// A ball that contains the object, as a camera would report it.
@@ -144,7 +144,7 @@ impl Robot {
         // The simulator's session frame is the mesh frame.
         let session_from_sensor = self.session_from_mesh * reading.sent_pose();
         let image = reading.values();
-        let pose = self.knows_poses.then(|| to_wire(session_from_sensor));
+        let pose = self.knows_poses.then(|| wire_pose(session_from_sensor));
         Ok(Press { pose, image, missed: None })
     }
 
@@ -174,7 +174,7 @@ impl Robot {
                 let object_from_plane =
                     Pose::from_parts(DQuat::from_rotation_z(turn), off.with_z(height));
                 PosePrior::Planar {
-                    plane: Some(to_wire(session_from_object * object_from_plane)),
+                    plane: Some(wire_pose(session_from_object * object_from_plane)),
                     // The plane's origin was moved by at most this length.
                     half_extent: Some(SEEN_WITHIN * SQRT_2),
                     center: None,
@@ -186,7 +186,7 @@ impl Robot {
                 let axis = self.seen.direction();
                 let turn = DQuat::from_axis_angle(axis, self.seen.uniform(0.0, SEEN_WITHIN_ANGLE));
                 PosePrior::Bounded {
-                    pose: to_wire(Pose::from_parts(
+                    pose: wire_pose(Pose::from_parts(
                         turn * session_from_object.rotation,
                         session_from_object.translation + off,
                     )),
@@ -237,7 +237,8 @@ pub(crate) fn wire_format(format: MeshFormat) -> schemas::MeshFormat {
     }
 }
 
-fn to_wire(pose: Pose) -> schemas::Pose {
+/// A pose on the wire.
+pub(crate) fn wire_pose(pose: Pose) -> schemas::Pose {
     schemas::Pose { position: pose.translation.to_array(), orientation: pose.rotation.to_array() }
 }
 

@@ -5,13 +5,12 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use palpate_client::TouchSession;
-use palpate_client::schemas as wire;
 use palpate_client::schemas::{AskNextTouches, Belief, CloseSession, NextTouch, TrainingReport};
 use palpate_core::pose::Pose;
 use palpate_core::symmetry::Symmetry;
 use serde::Serialize;
 
-use crate::robot::Robot;
+use crate::robot::{Robot, wire_pose};
 use crate::verdict::{self, Verdict};
 
 /// Deadline long enough to evaluate everything, so that a run is reproducible; milliseconds.
@@ -71,16 +70,13 @@ impl Truth {
         })
     }
 
-    /// What a session is closed with.
-    pub(crate) fn told(&self) -> CloseSession {
-        let Pose { translation, rotation } = self.session_from_object;
+    /// The request that closes the session with this truth.
+    pub(crate) fn closing(&self) -> CloseSession {
+        let pose = self.object.as_ref().map(|_| wire_pose(self.session_from_object));
         CloseSession {
             object: self.object.clone(),
             none_of_these: self.object.is_none().then_some(true),
-            pose: self.object.as_ref().map(|_| wire::Pose {
-                position: translation.to_array(),
-                orientation: rotation.to_array(),
-            }),
+            pose,
         }
     }
 

@@ -15,11 +15,10 @@ use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
 use palpate_dissertation::appearance::model::AppearanceModel;
 use palpate_dissertation::appearance::train::{AppearanceConfig, ClusteringMethod};
-use palpate_sim::noise::NoiseLevel;
-use palpate_sim::plot::{Line, svg};
+use palpate_sim::plot::svg;
 use rayon::prelude::*;
 
-use crate::appearance_trials::train_with_vocabulary_of;
+use crate::appearance_trials::{line, train_with_vocabulary_of};
 use crate::object_trials::{ObjectTrials, Setting, panel};
 use crate::report::{Outcome, Progress, Report};
 use compare::{Comparison, Known, Rule, Seen};
@@ -40,12 +39,7 @@ const STATED_AT: [usize; 3] = [5, 20, 60];
 /// When objects cannot be read, touched or learnt.
 pub fn run(config: &ObjectTrials, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     let objects = config.objects()?;
-    let setting = Setting {
-        name: "6×6, 0.10 inch".to_owned(),
-        key: String::new(),
-        sensor: SensorDescription::digitacts_6x6(),
-        noise_level: NoiseLevel::NONE,
-    };
+    let setting = Setting::printed("6×6, 0.10 inch");
     progress("touching objects", 0, 1);
     let touched = config.touch(&objects, &setting)?;
     let (mut report, mut panels, mut pictures) = (Report::default(), Vec::new(), Vec::new());
@@ -85,9 +79,7 @@ pub fn run(config: &ObjectTrials, progress: Progress<'_>) -> anyhow::Result<Outc
                     report.summarise(&key, point.standard_error);
                 }
                 if clustering == ClusteringMethod::Mixture || rule == Rule::Divergence {
-                    let at = |p: &compare::Point| (p.readings as f64, 100.0 * p.accuracy);
-                    let name = format!("{clustering_name}, {}", rule.name());
-                    lines.push(Line { name, points: points.iter().map(at).collect() });
+                    lines.push(line(&format!("{clustering_name}, {}", rule.name()), &points));
                 }
             }
         }

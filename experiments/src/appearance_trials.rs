@@ -97,10 +97,11 @@ pub struct Confused {
 }
 
 /// One trial after one count of readings.
-struct Verdict {
-    truth: usize,
-    named: usize,
-    stated: f64,
+pub(crate) struct Verdict {
+    pub(crate) truth: usize,
+    pub(crate) named: usize,
+    /// Probability of the named object; NaN for rules that state none.
+    pub(crate) stated: f64,
 }
 
 impl Evidence {
@@ -137,21 +138,8 @@ impl Evidence {
     /// the rising `counts`; an object with fewer readings than that takes no part.
     #[must_use]
     pub fn drawn(&self, counts: &[usize], trials: usize, seed: u64) -> Vec<Point> {
-        let of_object = |truth: usize| -> Vec<Vec<Verdict>> {
-            let mut stream = Stream::new(seed, Purpose::ReadingChoice, truth as u64);
-            let n = self.by_object[truth].len();
-            let mut order: Vec<usize> = (0..n).collect();
-            let mut trial = || {
-                for place in 0..n {
-                    order.swap(place, place + stream.index(n - place));
-                }
-                self.trial(truth, &order, counts)
-            };
-            (0..trials).map(|_| trial()).collect()
-        };
-        let verdicts: Vec<Vec<Verdict>> =
-            (0..self.by_object.len()).into_par_iter().flat_map(of_object).collect();
-        points(counts, verdicts)
+        let lengths: Vec<usize> = self.by_object.iter().map(Vec::len).collect();
+        drawn(&lengths, counts, trials, seed, |truth, order| self.trial(truth, order, counts))
     }
 
     /// One trial of each object, on its readings in the order they were taken.
@@ -182,6 +170,33 @@ impl Evidence {
         }
         verdicts
     }
+}
+
+/// Trials on readings drawn without replacement, `trials` of each object. `lengths` are the
+/// objects' numbers of readings; `trial` gives the verdicts of an object's readings in a drawn
+/// order, after each of the rising `counts` for which there are readings.
+pub(crate) fn drawn(
+    lengths: &[usize],
+    counts: &[usize],
+    trials: usize,
+    seed: u64,
+    trial: impl Fn(usize, &[usize]) -> Vec<Verdict> + Sync,
+) -> Vec<Point> {
+    let of_object = |truth: usize| -> Vec<Vec<Verdict>> {
+        let mut stream = Stream::new(seed, Purpose::ReadingChoice, truth as u64);
+        let n = lengths[truth];
+        let mut order: Vec<usize> = (0..n).collect();
+        let mut next = || {
+            for place in 0..n {
+                order.swap(place, place + stream.index(n - place));
+            }
+            trial(truth, &order)
+        };
+        (0..trials).map(|_| next()).collect()
+    };
+    let verdicts: Vec<Vec<Verdict>> =
+        (0..lengths.len()).into_par_iter().flat_map(of_object).collect();
+    points(counts, verdicts)
 }
 
 /// Gathers trials by count.

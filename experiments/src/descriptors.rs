@@ -5,9 +5,7 @@
 //! and affinity (figures 4.9, 4.10) are rows of the report; `appearance_rules` draws them.
 
 use palpate_core::descriptor::DescriptorKind;
-use palpate_core::sensor::SensorDescription;
 use palpate_dissertation::appearance::train::{AppearanceConfig, DiscriminantConfig};
-use palpate_sim::noise::NoiseLevel;
 use palpate_sim::plot::svg;
 use serde::Serialize;
 
@@ -45,12 +43,7 @@ const LOWER: [DescriptorKind; 6] = [
 /// When objects cannot be read, touched or learnt.
 pub fn run(config: &ObjectTrials, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     let objects = config.objects()?;
-    let setting = Setting {
-        name: "6×6, 0.10 inch".to_owned(),
-        key: String::new(),
-        sensor: SensorDescription::digitacts_6x6(),
-        noise_level: NoiseLevel::NONE,
-    };
+    let setting = Setting::printed("6×6, 0.10 inch");
     progress("touching objects", 0, 1);
     let touched = config.touch(&objects, &setting)?;
     let mut report = Report::default();

@@ -76,6 +76,12 @@ pub struct Setting {
 }
 
 impl Setting {
+    /// The dissertation's 6 × 6 sensor under 0.10 inch, without more noise, as the only setting.
+    pub(crate) fn printed(name: &str) -> Self {
+        let (sensor, noise_level) = (SensorDescription::digitacts_6x6(), NoiseLevel::NONE);
+        Self { name: name.to_owned(), key: String::new(), sensor, noise_level }
+    }
+
     /// A sensor without more noise, named after its resolution.
     pub(crate) fn of_resolution(sensor: SensorDescription) -> Self {
         let side = sensor.grid().rows;

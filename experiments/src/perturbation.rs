@@ -11,12 +11,10 @@ use glam::DVec3;
 use palpate_core::descriptor::DescriptorKind;
 use palpate_core::object::ObjectIdx;
 use palpate_core::reading::Reading;
-use palpate_core::sensor::SensorDescription;
 use palpate_core::training::TrainingSet;
 use palpate_dissertation::sva::model::SvaModel;
 use palpate_dissertation::sva::train::{TrainingConfig, learn_vocabulary, map_object};
 use palpate_dissertation::sva::{SvaBelief, SvaOptions};
-use palpate_sim::noise::NoiseLevel;
 use palpate_sim::plot::{Line, svg};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -37,12 +35,7 @@ const LOCAL: f64 = 0.5;
 pub fn run(config: &ExplorationTrials, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     let objects = config.objects.objects()?;
     let mut report = Report::default();
-    let setting = Setting {
-        name: "6×6".to_owned(),
-        key: String::new(),
-        sensor: SensorDescription::digitacts_6x6(),
-        noise_level: NoiseLevel::NONE,
-    };
+    let setting = Setting::printed("6×6");
     let n_steps = 4 + TOP_DESCRIPTORS.len();
     progress("touching", 0, n_steps);
     let touched = config.objects.touch(&objects, &setting)?;

@@ -72,7 +72,8 @@ pub struct SurfaceScale {
     /// Takes long.
     #[arg(long)]
     pub thousand: bool,
-    /// Size of the largest catalogue with `--thousand`. Ten thousand take about 5 GB and five hours.
+    /// Size of the largest catalogue with `--thousand`. Ten thousand take an estimated 5 GB,
+    /// and hours.
     #[arg(long, default_value_t = 1_000, value_parser = count)]
     pub largest: usize,
     /// Wrong sessions per number of touches whose cause is looked for (`oracle`), with the

@@ -97,3 +97,33 @@ fn the_index_names_every_page_and_headlines_are_recorded() {
         assert_eq!(figures[&key].map(written), Some(value), "{command}: {key}");
     }
 }
+
+#[test]
+fn the_page_of_the_dashboard_states_what_was_measured() {
+    let read = |name: &str| -> serde_json::Value {
+        let file = std::fs::read(root().join(format!("results/pages/{name}.json"))).unwrap();
+        serde_json::from_slice(&file).unwrap()
+    };
+    let (before, after) = (read("before"), read("after"));
+    let page = std::fs::read_to_string(root().join("docs/results/dashboard-pages.md")).unwrap();
+    let pages = after["pages"].as_object().unwrap();
+    assert!(pages.len() >= 10, "{pages:?}");
+    for name in pages.keys() {
+        let mut row = format!("| {name} |");
+        for key in ["requests", "kilobytes", "renderer_mb"] {
+            for run in [&before, &after] {
+                let figure = run["pages"][name][key].as_u64();
+                row += &format!(" {} |", figure.map_or("–".to_owned(), grouped));
+            }
+        }
+        assert!(page.contains(&row), "no row {row}");
+    }
+}
+
+/// A whole number with commas between thousands.
+fn grouped(number: u64) -> String {
+    match (number / 1000, number % 1000) {
+        (0, rest) => rest.to_string(),
+        (thousands, rest) => format!("{},{rest:03}", grouped(thousands)),
+    }
+}

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from palpate.pose import FloatArray
-from palpate.steps import Document, Steps, ask, delete, get, operation, pages
+from palpate.steps import Document, Steps, ask, delete, get, operation, pages, same
 
 
 @dataclass(frozen=True)
@@ -32,11 +32,6 @@ class ContactMap:
         """Shape (n_x, n_y, n_z): the probability of contact in each cell."""
         result: FloatArray = 1.0 / (1.0 + np.exp(-self.log_odds))
         return result
-
-
-def same(document: Document) -> Document:
-    """The answer as it came."""
-    return document
 
 
 class Inspection:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy.typing as npt
 
 from palpate._native import Mesh
-from palpate.administration import Administration, same
+from palpate.administration import Administration
 from palpate.belief import Belief
 from palpate.documents import Added, Job, NextTouches, ObjectInfo, SensorInfo, Session
 from palpate.errors import JobFailedError
@@ -34,6 +34,7 @@ from palpate.steps import (
     patch,
     post,
     put,
+    same,
 )
 
 READINGS_MAX = 1_000

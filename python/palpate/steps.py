@@ -154,14 +154,15 @@ def pages(request: Request, parse: Callable[[Document], T]) -> Steps[list[T]]:
     items: list[T] = []
     cursor: str | None = None
     while True:
-        page = yield from ask(request.with_query(limit=1000, cursor=cursor), _same)
+        page = yield from ask(request.with_query(limit=1000, cursor=cursor), same)
         items += [parse(item) for item in page["items"]]
         cursor = page.get("next_cursor")
         if cursor is None:
             return items
 
 
-def _same(document: Document) -> Document:
+def same(document: Document) -> Document:
+    """The answer as it came."""
     return document
 
 

@@ -16,17 +16,16 @@ use crate::session::Session;
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, PartialOrd, Ord, ToSchema)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum WebhookEventType {
-    /// A test message (`POST /v1/webhooks/{webhook}/test`); nobody subscribes to it.
+    /// A test message (`POST /v1/webhooks/{webhook}/test`). No webhook subscribes to it.
     #[serde(rename = "ping")]
     #[cfg_attr(feature = "clap", value(skip))]
     Ping,
-    /// A session's `stop.reached` became true and the likeliest answer is an object, or another
-    /// object than announced before. Only of sessions with a `risk`.
+    /// A session decided for an object: `stop.reached` became true, or the decided object changed.
+    /// Only sessions with a `risk` decide.
     #[serde(rename = "session.decided")]
     #[cfg_attr(feature = "clap", value(name = "session.decided"))]
     SessionDecided,
-    /// A session's `stop.reached` became true and the likeliest answer is "none of these". Only of
-    /// sessions with a `risk`.
+    /// A session decided for "none of these". Only sessions with a `risk` decide.
     #[serde(rename = "session.unknown")]
     #[cfg_attr(feature = "clap", value(name = "session.unknown"))]
     SessionUnknown,
@@ -38,11 +37,11 @@ pub enum WebhookEventType {
     #[serde(rename = "training.finished")]
     #[cfg_attr(feature = "clap", value(name = "training.finished"))]
     TrainingFinished,
-    /// A snapshot was sent to its end.
+    /// A snapshot was sent completely.
     #[serde(rename = "snapshot.made")]
     #[cfg_attr(feature = "clap", value(name = "snapshot.made"))]
     SnapshotMade,
-    /// A snapshot was not sent to its end.
+    /// A snapshot broke off.
     #[serde(rename = "snapshot.failed")]
     #[cfg_attr(feature = "clap", value(name = "snapshot.failed"))]
     SnapshotFailed,
@@ -111,7 +110,7 @@ impl std::fmt::Debug for CreateWebhook {
 #[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct UpdateWebhook {
-    /// A new URL; deliveries that wait go there, too.
+    /// A new URL. Waiting deliveries go there, too.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(min_length = 1, max_length = 2048)]
     pub url: Option<String>,
@@ -123,8 +122,8 @@ pub struct UpdateWebhook {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(max_length = 200)]
     pub description: Option<String>,
-    /// Whether events are sent. Disabling abandons the deliveries that wait; a webhook that is
-    /// enabled again gets the events from then on.
+    /// Whether events are sent. Disabling abandons the waiting deliveries. A webhook enabled again
+    /// receives events from then on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub enabled: Option<bool>,
 }
@@ -171,7 +170,7 @@ pub struct Webhook {
     /// When the newest delivery in the history was accepted; null if none was.
     #[schema(format = DateTime)]
     pub last_delivered_at: Option<String>,
-    /// Number of deliveries that wait for an attempt.
+    /// Number of deliveries waiting for an attempt.
     pub n_waiting: u32,
     /// Until when the previous secret signs as well; null if only the current one does.
     #[schema(format = DateTime)]
@@ -290,30 +289,30 @@ pub struct WebhookEvent {
     /// Type of the event.
     #[serde(rename = "type")]
     pub kind: WebhookEventType,
-    /// When it happened, by the server's clock.
+    /// Time of the event, by the server's clock.
     #[schema(format = DateTime)]
     pub created_at: String,
-    /// What it is about.
+    /// Content of the event.
     pub data: WebhookEventData,
 }
 
-/// What an event is about; fields of other types of events are missing.
+/// Content of an event. Fields that belong to other types of events are missing.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct WebhookEventData {
-    /// The session, of `session.…`.
+    /// The session, in events `session.…`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub session: Option<Session>,
-    /// The belief that decided, of `session.decided` and `session.unknown`: only the likeliest
-    /// object, and of a decided one its likeliest pose.
+    /// The deciding belief, in `session.decided` and `session.unknown`: the likeliest object alone,
+    /// with its likeliest pose if it is decided.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub belief: Option<Belief>,
-    /// Why somebody should look, of `session.needs_attention`.
+    /// Reason for the attention, in `session.needs_attention`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub attention: Option<Attention>,
-    /// The job, of `training.finished`.
+    /// The job, in `training.finished`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub job: Option<WebhookJob>,
-    /// The snapshot, of `snapshot.…`.
+    /// The snapshot, in events `snapshot.…`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub snapshot: Option<WebhookSnapshot>,
 }

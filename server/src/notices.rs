@@ -1,8 +1,8 @@
-//! What happened that webhooks may tell, from where it happens to where it is stored.
+//! Queue of events for webhooks, between the code that raises them and the worker that stores them.
 //!
-//! Readings, trainings and snapshots leave a note here and go on: nobody waits for a webhook. Notes
-//! of one session replace each other, so that there are at most a few of each open session. Not
-//! here: what becomes of a note (`services/webhooks`).
+//! Readings, trainings and snapshots add an event and continue, so a webhook delays none of them. A
+//! newer event of a session replaces its older one of the same kind, which bounds the queue by the
+//! open sessions. Not here: deliveries (`services/webhooks`).
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -12,7 +12,7 @@ use palpate_store::webhook::Notice;
 use tokio::sync::Notify;
 use uuid::Uuid;
 
-/// Maximum number of snapshots that wait to be told. Chosen: four are made at once.
+/// Capacity of the queue for snapshots. Chosen: at most four snapshots are made at once.
 const SNAPSHOTS_MAX: usize = 64;
 
 /// A decision of a session's stop rule.
@@ -34,34 +34,34 @@ pub(crate) struct Alarm {
     pub(crate) attention: wire::Attention,
 }
 
-/// What waits to be told.
+/// The queued events.
 #[derive(Debug, Default)]
 pub(crate) struct Waiting {
     pub(crate) decisions: BTreeMap<Uuid, Decision>,
     pub(crate) alarms: BTreeMap<Uuid, Alarm>,
     pub(crate) jobs: BTreeMap<Uuid, (u64, wire::WebhookJob)>,
     pub(crate) snapshots: Vec<(u64, wire::WebhookSnapshot)>,
-    /// Sessions that are not open any more.
+    /// Closed sessions whose announcements can be forgotten.
     pub(crate) gone: Vec<Uuid>,
 }
 
-/// Notes that wait, and what was announced of each open session.
+/// The queue, and what was announced of each open session.
 #[derive(Debug, Default)]
 pub(crate) struct Notices {
     waiting: Mutex<Waiting>,
     announced: Mutex<BTreeMap<Uuid, Notice>>,
-    /// Notified of every note.
+    /// Notified of every queued event.
     pub(crate) wake: Notify,
 }
 
 impl Notices {
-    /// Whether a session's stop rule has decided otherwise than announced.
+    /// Whether the decision of a session's stop rule differs from the announced one.
     pub(crate) fn is_news(&self, belief: &wire::Belief) -> bool {
         let is_decided = belief.stop.is_some_and(|stop| stop.reached);
         is_decided && self.announced(belief.session).decided != Some(decided(belief))
     }
 
-    /// Notes the newest belief of a session if it is news.
+    /// Queues a decision if the session's newest belief differs from the announced decision.
     pub(crate) fn belief(&self, belief: &wire::Belief, at_ms: u64) {
         if !self.is_news(belief) {
             return;
@@ -78,7 +78,7 @@ impl Notices {
         self.wake.notify_one();
     }
 
-    /// Notes whether a session needs attention, if that has changed.
+    /// Queues a change of whether a session needs attention.
     pub(crate) fn attention(&self, session: Uuid, alarm: impl FnOnce() -> Alarm, is_needed: bool) {
         if self.announced(session).needs_attention == is_needed {
             self.waiting().alarms.remove(&session);
@@ -88,7 +88,7 @@ impl Notices {
         self.wake.notify_one();
     }
 
-    /// Notes that sessions of which something was announced are not open any more.
+    /// Queues the closed sessions, so that their announcements are forgotten.
     pub(crate) fn leave(&self, is_open: impl Fn(Uuid) -> bool) {
         let mut gone: Vec<Uuid> = self.announcements().keys().copied().collect();
         gone.retain(|session| !is_open(*session));
@@ -98,29 +98,29 @@ impl Notices {
         }
     }
 
-    /// Notes the end of a training.
+    /// Queues the end of a training.
     pub(crate) fn job(&self, at_ms: u64, job: wire::WebhookJob) {
         self.waiting().jobs.insert(job.id, (at_ms, job));
         self.wake.notify_one();
     }
 
-    /// Notes the end of a snapshot.
+    /// Queues the end of a snapshot.
     pub(crate) fn snapshot(&self, at_ms: u64, snapshot: wire::WebhookSnapshot) {
         let mut waiting = self.waiting();
         if waiting.snapshots.len() == SNAPSHOTS_MAX {
-            tracing::error!("No webhook is told of a snapshot: {SNAPSHOTS_MAX} others wait");
+            tracing::error!("Dropped the event of a snapshot: {SNAPSHOTS_MAX} others are queued");
             return;
         }
         waiting.snapshots.push((at_ms, snapshot));
         self.wake.notify_one();
     }
 
-    /// All that waits; nothing waits any more.
+    /// Takes all queued events.
     pub(crate) fn take(&self) -> Waiting {
         std::mem::take(&mut *self.waiting())
     }
 
-    /// Puts back what could not be stored, except where there is something newer.
+    /// Queues again the events that could not be stored, except where a newer one came.
     pub(crate) fn put_back(&self, mut old: Waiting) {
         let mut waiting = self.waiting();
         old.decisions.append(&mut waiting.decisions);

@@ -256,7 +256,7 @@ fn webhook(error: &WebhookError) -> Answer {
     match error {
         WebhookError::Full { .. }
         | WebhookError::Disabled { .. }
-        | WebhookError::UnderWay { .. } => ProblemType::WrongState.into(),
+        | WebhookError::InFlight { .. } => ProblemType::WrongState.into(),
         WebhookError::NoRandom(_) => ProblemType::Internal.into(),
         WebhookError::Cause(error) => cause(error),
     }

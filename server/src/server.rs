@@ -201,7 +201,7 @@ impl Server {
         let (app, jobs) = assemble(config, store, keys, stopping.clone()).await?;
         let checked_catalogues = Arc::clone(&app.catalogues);
         let sessions = Arc::clone(&app.sessions);
-        look_after(&app, &stopping);
+        spawn_background(&app, &stopping);
         let working = tokio::spawn(jobs.work(stopping.clone()));
         let webhooks = Arc::clone(&app.webhooks);
         let delivering = tokio::spawn(Arc::clone(&webhooks).work(stopping.clone()));
@@ -273,7 +273,7 @@ impl Server {
         if (&mut self.delivering).await.is_err() {
             tracing::error!("The worker of webhooks panicked");
         }
-        self.webhooks.store_rest().await;
+        self.webhooks.announce_rest().await;
         drop(self.webhooks);
         self.audit.store().await;
         drop(self.audit);
@@ -286,8 +286,8 @@ impl Server {
     }
 }
 
-/// Starts the tasks that look after sessions, figures, the audit log and the disk until the stop.
-fn look_after(app: &App, stopping: &watch::Receiver<bool>) {
+/// Starts the background tasks for sessions, metrics, the audit log and the disk.
+fn spawn_background(app: &App, stopping: &watch::Receiver<bool>) {
     let sessions = || Arc::clone(&app.sessions);
     tokio::spawn(telemetry::tidy(stopping.clone()));
     tokio::spawn(sessions().watch(stopping.clone()));

@@ -24,7 +24,7 @@ const DELIVERY_KEY_BYTES: usize = 33;
 const NOTICE_KEY_BYTES: usize = 17;
 /// Number of deliveries per read: at most some megabytes.
 const DELIVERIES_PER_SCAN: usize = 64;
-/// Attempts of an update under concurrent changes.
+/// Attempts of an update under concurrent changes. Chosen.
 const UPDATE_ATTEMPTS: usize = 64;
 /// Number of notices in one commit of a removal.
 const NOTICES_PER_COMMIT: usize = 1000;
@@ -42,9 +42,9 @@ pub enum EventKind {
     SessionNeedsAttention,
     /// A training or recalibration ended.
     TrainingFinished,
-    /// A snapshot was sent to its end.
+    /// A snapshot was sent completely.
     SnapshotMade,
-    /// A snapshot was not sent to its end.
+    /// A snapshot broke off.
     SnapshotFailed,
 }
 
@@ -173,7 +173,7 @@ impl Deliveries {
         Self { engine }
     }
 
-    /// Stores new deliveries, removes others that give way to them, and stores a notice: all or
+    /// Stores new deliveries, removes evicted ones, and stores a notice: all or
     /// nothing, durable when it returns.
     ///
     /// # Errors
@@ -181,11 +181,11 @@ impl Deliveries {
     pub async fn add(
         &self,
         new: &[Delivery],
-        surplus: &[(Uuid, Uuid)],
+        evicted: &[(Uuid, Uuid)],
         notice: Option<&Notice>,
     ) -> Result<(), StoreError> {
         let mut commit = Commit::new();
-        for (webhook, event) in surplus {
+        for (webhook, event) in evicted {
             let head = key::nested(Space::Delivery, *webhook, *event);
             if let Some(before) = pieces::read(&*self.engine, Space::Delivery, &head)? {
                 commit = pieces::remove(commit, &head, &before);

@@ -299,7 +299,7 @@ async fn work(floor: Arc<Floor>, robot: usize) -> anyhow::Result<()> {
         let result =
             trial::run(simulated, &mut session, SENSOR.name(), &truth, floor.rule, show).await?;
         // The dashboard then draws the truth beside the belief.
-        floor.client.close_session_with(session.id(), &truth.told()).await?;
+        floor.client.close_session_with(session.id(), &truth.closing()).await?;
         floor.screen.ends(robot, &result);
         floor.results.lock().expect("no robot panicked").push(result);
     }

@@ -17,12 +17,13 @@ use palpate_sim::shapes;
 use serde::Serialize;
 
 use super::sensors::parse_preset;
+use crate::numbers::numbers;
 use crate::output::Output;
 use crate::robot;
 
-/// Gap between the object's bounding sphere and a sensor that begins to approach, metres.
+/// Gap between the object's bounding sphere and a sensor that begins to approach, metres. Chosen.
 const GAP: f64 = 5.0 * MM;
-/// Largest coordinate of a pose, mm.
+/// Largest coordinate of a pose, mm. Chosen: a kilometre.
 const COORDINATE_MAX_MM: f64 = 1e6;
 
 /// Arguments of `palpate draw`.
@@ -177,10 +178,7 @@ fn press(args: &PressArgs, mesh: Mesh, name: &str) -> anyhow::Result<Drawn> {
         .with_context(|| format!("cannot write {}", args.out.display()))?;
     Ok(Drawn {
         file: args.out.clone(),
-        pose: WirePose {
-            position: object_from_sensor.translation.to_array(),
-            orientation: object_from_sensor.rotation.to_array(),
-        },
+        pose: robot::wire_pose(object_from_sensor),
         depth_mm: depth,
         shape: [image.rows, image.cols],
         image: image.pressures.clone(),
@@ -213,20 +211,13 @@ fn approached(
     Ok(start * Pose::from_parts(DQuat::IDENTITY, travel * DVec3::Z))
 }
 
-/// The numbers of a list, as many as `N`, finite.
-fn numbers<const N: usize>(text: &str, expected: &str) -> Result<[f64; N], String> {
-    let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
-    let numbers = numbers.ok().filter(|numbers| numbers.iter().all(|number| number.is_finite()));
-    let numbers: Option<[f64; N]> = numbers.and_then(|numbers| numbers.try_into().ok());
-    numbers.ok_or_else(|| format!("expected {expected}"))
-}
-
 fn parse_pose(text: &str) -> Result<Pose, String> {
     let expected = "seven numbers: x, y, z in mm, within ±1e6, and a unit quaternion x, y, z, w";
-    let [x, y, z, qx, qy, qz, qw] = numbers(text, expected)?;
+    let wrong = || format!("expected {expected}");
+    let [x, y, z, qx, qy, qz, qw] = numbers(text).ok_or_else(wrong)?;
     let position = DVec3::new(x, y, z);
     if position.abs().max_element() > COORDINATE_MAX_MM {
-        return Err(format!("expected {expected}"));
+        return Err(wrong());
     }
     let metres = (position * MM).to_array();
     Pose::new(metres, [qx, qy, qz, qw]).map_err(|error| error.to_string())
@@ -234,9 +225,10 @@ fn parse_pose(text: &str) -> Result<Pose, String> {
 
 fn parse_direction(text: &str) -> Result<Direction, String> {
     let expected = "two angles in degrees, azimuth within ±360 and elevation within ±90, as 30,45";
-    let [azimuth, elevation] = numbers(text, expected)?;
+    let wrong = || format!("expected {expected}");
+    let [azimuth, elevation] = numbers(text).ok_or_else(wrong)?;
     if azimuth.abs() > 360.0 || elevation.abs() > 90.0 {
-        return Err(format!("expected {expected}"));
+        return Err(wrong());
     }
     Ok(Direction { azimuth: azimuth * DEG, elevation: elevation * DEG })
 }

@@ -18,6 +18,7 @@ use palpate_sim::letters::{Font, LOOK_ALIKE, Letter, RotationOrder, SYMBOLS, loo
 use palpate_sim::rig::{Rig, RigNoise, plan, rig_sensor};
 use serde::Serialize;
 
+use crate::numbers::numbers;
 use crate::output::{self, Output};
 
 /// Name of the rig's sensor on the server, and of the rig in its readings.
@@ -278,14 +279,12 @@ fn parse_thickness(text: &str) -> Result<f64, String> {
 /// `session_from_letter` of "x_mm,y_mm,degrees".
 fn parse_pose(text: &str) -> Result<Pose, String> {
     let expected = || "expected x,y,angle: two places in mm and degrees, as -5,3.5,120".to_owned();
-    let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
-    match numbers.map_err(|_| expected())?[..] {
-        [x, y, degrees] if [x, y, degrees].iter().all(|number| number.abs() <= 1e6) => {
-            let rotation = DQuat::from_rotation_z(degrees * DEG);
-            Ok(Pose::from_parts(rotation, DVec3::new(x, y, 0.0) * MM))
-        }
-        _ => Err(expected()),
+    let [x, y, degrees] = numbers(text).ok_or_else(expected)?;
+    if [x, y, degrees].iter().any(|number| number.abs() > 1e6) {
+        return Err(expected());
     }
+    let rotation = DQuat::from_rotation_z(degrees * DEG);
+    Ok(Pose::from_parts(rotation, DVec3::new(x, y, 0.0) * MM))
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@ use uuid::Uuid;
 
 use super::Context;
 use crate::json_file::read_json;
+use crate::numbers::numbers;
 use crate::output;
 
 /// Arguments of `palpate next-touch`.
@@ -46,11 +47,9 @@ pub(crate) struct NextTouchArgs {
 }
 
 fn workspace(text: &str) -> Result<TouchWorkspace, String> {
-    let parts: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
-    match parts.as_deref() {
-        Ok([x, y, z, radius]) => Ok(TouchWorkspace { center: [*x, *y, *z], radius: *radius }),
-        _ => Err(format!("came {text:?}, expected four numbers: x,y,z,radius in metres")),
-    }
+    let wrong = || format!("came {text:?}, expected four numbers: x,y,z,radius in metres");
+    let [x, y, z, radius] = numbers(text).ok_or_else(wrong)?;
+    Ok(TouchWorkspace { center: [x, y, z], radius })
 }
 
 /// Runs the command.

@@ -145,7 +145,7 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
     };
     let is_posed = !method.is_some_and(Method::is_appearance) && args.object != NONE;
     if args.close {
-        client.close_session_with(session.id(), &truth.told()).await?;
+        client.close_session_with(session.id(), &truth.closing()).await?;
     }
     let touched = Touched::of(session.id(), &result);
     output.answer(&touched, |touched| verdict(touched, &result.last, is_posed))?;

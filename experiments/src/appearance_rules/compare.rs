@@ -1,15 +1,12 @@
 //! Comparison of the histogram of some readings with those of known objects.
 
 use palpate_core::log_prob::{log_sum_exp, normalize};
-use palpate_core::rng::{Purpose, Stream};
 use palpate_core::vocabulary::bag::{
     chi_squared, correlation, divergence, intersection, jensen_shannon, log_mixture_ratio,
 };
 use palpate_dissertation::appearance::model::{AppearanceModel, ObjectShares};
-use rayon::prelude::*;
-use serde::Serialize;
 
-use crate::statistics::standard_error_over_groups;
+use crate::appearance_trials::{Point, Verdict, drawn};
 
 /// A way to compare histograms; the object with the largest score is named.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,15 +80,6 @@ impl Known {
     }
 }
 
-/// Accuracy after some number of readings.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub(super) struct Point {
-    pub(super) readings: usize,
-    pub(super) accuracy: f64,
-    /// Over the objects.
-    pub(super) standard_error: f64,
-}
-
 /// Known objects and test readings, one list an object.
 pub(super) struct Comparison {
     pub(super) known: Known,
@@ -108,36 +96,15 @@ impl Comparison {
         trials: usize,
         seed: u64,
     ) -> Vec<Point> {
-        let of_object = |truth: usize| {
-            let mut stream = Stream::new(seed, Purpose::ReadingChoice, truth as u64);
-            let n = self.seen[truth].len();
-            let mut order: Vec<usize> = (0..n).collect();
-            let mut right = vec![(0, 0); counts.len()];
-            for _ in 0..trials {
-                for place in 0..n {
-                    order.swap(place, place + stream.index(n - place));
-                }
-                for (at, count) in counts.iter().enumerate().filter(|(_, count)| **count <= n) {
-                    let drawn: Vec<&Seen> =
-                        order[..*count].iter().map(|idx| &self.seen[truth][*idx]).collect();
-                    right[at].0 += usize::from(self.named(rule, &drawn) == truth);
-                    right[at].1 += 1;
-                }
-            }
-            right
-        };
-        let all: Vec<Vec<(usize, usize)>> =
-            (0..self.seen.len()).into_par_iter().map(of_object).collect();
-        let point = |(at, readings): (usize, &usize)| {
-            let of_objects = || all.iter().map(|right| right[at]).filter(|(_, n)| *n > 0);
-            let (right, n) = of_objects().fold((0, 0), |sum, one| (sum.0 + one.0, sum.1 + one.1));
-            let shares = of_objects().map(|(right, n)| right as f64 / n as f64);
-            let by_object = shares.enumerate().map(|(object, share)| (object as u64, share));
-            let standard_error = standard_error_over_groups(by_object);
-            let accuracy = right as f64 / n as f64;
-            (n > 0).then_some(Point { readings: *readings, accuracy, standard_error })
-        };
-        counts.iter().enumerate().filter_map(point).collect()
+        let lengths: Vec<usize> = self.seen.iter().map(Vec::len).collect();
+        drawn(&lengths, counts, trials, seed, |truth, order| {
+            let verdict = |count: &usize| {
+                let readings: Vec<&Seen> =
+                    order[..*count].iter().map(|at| &self.seen[truth][*at]).collect();
+                Verdict { truth, named: self.named(rule, &readings), stated: f64::NAN }
+            };
+            counts.iter().filter(|count| **count <= order.len()).map(verdict).collect()
+        })
     }
 
     /// The object whose histogram is nearest to that of some readings; the first of equals.
@@ -148,27 +115,22 @@ impl Comparison {
 
     /// The score of every object.
     fn scores(&self, rule: Rule, drawn: &[&Seen]) -> Vec<f64> {
-        let known = &self.known.shares;
-        if rule == Rule::ClassPriors {
-            let of_object = |object: &Vec<f64>| {
-                let one = |seen: &&Seen| log_mixture_ratio(&seen.shares, object, &known.priors);
-                drawn.iter().map(one).sum()
-            };
-            return known.known.iter().map(of_object).collect();
-        }
         let (observed, known) = match rule {
-            Rule::LiteralJoint => (joint_shares(drawn), &self.known.joint.known),
-            _ => (mean_shares(drawn), &known.known),
+            Rule::LiteralJoint => (joint_shares(drawn), &self.known.joint),
+            _ => (mean_shares(drawn), &self.known.shares),
         };
+        let log_ratio =
+            |object: &[f64], seen: &Seen| log_mixture_ratio(&seen.shares, object, &known.priors);
         let score = |object: &Vec<f64>| match rule {
             Rule::Divergence | Rule::LiteralJoint => -divergence(&observed, object),
             Rule::ReverseDivergence => -divergence(object, &smoothed(&observed, drawn.len())),
             Rule::JensenShannon => -jensen_shannon(&observed, object),
             Rule::ChiSquared => -chi_squared(&observed, object),
             Rule::Intersection => intersection(&observed, object),
-            Rule::Cosine | Rule::ClassPriors => correlation(&observed, object),
+            Rule::Cosine => correlation(&observed, object),
+            Rule::ClassPriors => drawn.iter().map(|seen| log_ratio(object, seen)).sum(),
         };
-        known.iter().map(score).collect()
+        known.known.iter().map(score).collect()
     }
 }
 

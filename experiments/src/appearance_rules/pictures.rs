@@ -1,4 +1,4 @@
-//! Figures 4.7, 4.9 and 4.10: the classes as images, and who is taken for whom.
+//! Figures 4.7, 4.9 and 4.10: the classes as images, the confusion matrix, the affinity matrix.
 
 use anyhow::Context as _;
 use palpate_core::descriptor::DescriptorKind;

@@ -58,7 +58,7 @@ mod tests {
 
     #[test]
     fn every_usable_element_has_a_line_in_both_panels() {
-        // 6 × 8 elements, of which one is dead and one is cross-wired.
+        // The array has 6 × 8 elements: one is dead, one is cross-wired.
         let drawn = figure_2_2(1).unwrap();
         assert_eq!(drawn.matches("stroke-dasharray").count(), 2 * 46);
         assert_eq!(drawn.matches("fitted line").count(), 2);

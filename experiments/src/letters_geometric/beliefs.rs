@@ -89,7 +89,8 @@ impl Belief for Particles<'_> {
     }
 }
 
-/// Particles of which a histogram of coarser bins replaces some before every reading.
+/// Particle filter that replaces a share of its particles, before every reading, by draws from a
+/// histogram filter of coarser bins.
 pub(super) struct Seeded<'a> {
     pub(super) particles: Particles<'a>,
     pub(super) histogram: Bins<'a>,

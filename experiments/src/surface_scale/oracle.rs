@@ -37,26 +37,26 @@ use crate::report::{Progress, Report};
 /// Numbers of touches after which sessions are examined.
 const EXAMINED_AT: [usize; 4] = [2, 3, 4, 6];
 
-/// Factor of the touches of the finer map.
+/// Factor of the touches of the finer map. Chosen.
 const FINER: usize = 4;
 
-/// Rivals of the true object that get finer maps, those with the most evidence.
+/// Rivals of the true object that get finer maps: those with the most evidence. Chosen.
 const RIVALS: usize = 2;
 
-/// Points drawn from a mesh that is a map. An object of 80 mm has one every 1.2 mm.
+/// Points drawn from a mesh that is a map. Chosen: an object of 80 mm has one every 1.2 mm.
 const MESH_POINTS: usize = 10_000;
 
-/// Radius (m) over which a mesh's normals are averaged, about that of a contact.
+/// Radius (m) over which a mesh's normals are averaged. Chosen: about that of a contact.
 const CONTACT_RADIUS: f32 = 0.003;
 
-/// Patches of a finer map whose pairs are tabled: memory.
+/// Patches of a finer map whose pairs are tabled. Chosen: bounds memory.
 const PAIRED_MAX: usize = 1_200;
 
-/// Least cosine of a patch's normal with that of the mesh point whose appearance it gives.
+/// Least cosine of a patch's normal with that of the mesh point whose appearance it gives. Chosen.
 const FACING_MIN: f32 = 0.5;
 
 /// Distance (m) and angle (rad) within which a pose is near the true one: refinement should find
-/// it.
+/// it. Chosen.
 const NEAR: (f64, f64) = (0.012, 0.44);
 
 /// What lost a session.

@@ -5,7 +5,6 @@ use std::time::Instant;
 
 use palpate_core::belief::answer::Answer;
 use palpate_core::object::ObjectIdx;
-use palpate_core::pose::Pose;
 use palpate_core::symmetry::Symmetry;
 use palpate_schemas as wire;
 use palpate_schemas::Method;
@@ -19,7 +18,7 @@ use crate::cause::Cause;
 use crate::clock::now_ms;
 use crate::compute::Place;
 use crate::wire::belief::knows_symmetry;
-use crate::wire::life::ToldTruth;
+use crate::wire::life::ReportedTruth;
 use crate::wire::next_touch::{Question, next_touches};
 use crate::wire::session::options;
 use crate::wire::{geometry, sensor};
@@ -86,7 +85,7 @@ impl Live {
     }
 
     /// Compares the belief with the truth.
-    pub(crate) async fn judge(&self, told: ToldTruth) -> Result<wire::Truth, LiveError> {
+    pub(crate) async fn judge(&self, told: ReportedTruth) -> Result<wire::Truth, LiveError> {
         let truth = told.object;
         let mut state = self.turns.insist().await;
         let length = self.length()?;
@@ -102,8 +101,7 @@ impl Live {
         let others = others.filter(|(object, _)| Some(*object) != truth).map(|(_, p)| *p);
         let unknown = truth.map(|_| answer.unknown);
         let was_right = others.chain(unknown).all(|other| probability > other);
-        let errors =
-            told.session_from_object.and_then(|pose| self.pose_errors(&answer, told, pose));
+        let errors = self.pose_errors(&answer, told);
         let object = truth.map(|object| &self.model.objects[object]);
         Ok(wire::Truth {
             object: object.map(|object| object.id),
@@ -116,10 +114,10 @@ impl Live {
         })
     }
 
-    /// How far the likeliest pose of the true object is from its true pose: metres and radians, up
-    /// to its symmetry. `None` if the belief has no pose of it.
-    fn pose_errors(&self, answer: &Answer, told: ToldTruth, pose: Pose) -> Option<(f64, f64)> {
-        let object = told.object?;
+    /// Distance (m) and angle (rad, up to symmetry) of the likeliest pose of the true object from
+    /// its true pose. `None` if no true pose was reported, or the belief has no pose of the object.
+    fn pose_errors(&self, answer: &Answer, told: ReportedTruth) -> Option<(f64, f64)> {
+        let (object, pose) = (told.object?, told.session_from_object?);
         let mode = answer.modes.iter().find(|mode| mode.object.0 as usize == object)?;
         let known = self.model.symmetries.get(object);
         let method = options(&self.session).method;
@@ -159,7 +157,7 @@ impl Live {
             if let Some(belief) = self.belief(0, None).await? {
                 let at_ms = at_ms(belief.revision);
                 self.tools.traces.note(id, [Point::of(&belief, at_ms)]);
-                self.tell(&belief, at_ms).await?;
+                self.announce(&belief, at_ms).await?;
             }
             return Ok(());
         }
@@ -181,13 +179,13 @@ impl Live {
             self.tools.traces.note(id, steps.chain([newest]));
             match replay.next_after {
                 Some(next) => after = u64::from(next),
-                None => return self.tell(&replay.belief, at_ms(replay.belief.revision)).await,
+                None => return self.announce(&replay.belief, at_ms(replay.belief.revision)).await,
             }
         }
     }
 
-    /// Notes a belief without poses for the webhooks, with its poses if it is news.
-    async fn tell(&self, belief: &wire::Belief, at_ms: u64) -> Result<(), LiveError> {
+    /// Queues the webhook event of a belief without poses; forms the poses first if there is one.
+    async fn announce(&self, belief: &wire::Belief, at_ms: u64) -> Result<(), LiveError> {
         if self.tools.notices.is_news(belief)
             && let Some(whole) = self.belief(POSES, None).await?
         {

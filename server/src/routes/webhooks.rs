@@ -115,8 +115,8 @@ pub(crate) async fn test_webhook(
 
 /// List the deliveries to a webhook
 ///
-/// Lists the newest 200 events, delivered or not. A delivery that waits leaves the list only if 200
-/// others wait.
+/// Lists the newest 200 events, delivered or not. A waiting delivery leaves the list only if 200
+/// newer ones wait.
 #[utoipa::path(get, path = "/v1/webhooks/{webhook}/deliveries",
     operation_id = "list_webhook_deliveries", tag = "webhooks",
     params(PageQuery, ("webhook" = String, Path, description = "The webhook's id")),
@@ -146,7 +146,7 @@ pub(crate) async fn get_webhook_delivery(
 /// Deliver an event again
 ///
 /// Sends it now, under the same id, with as many attempts as a new one. 409 if the webhook is
-/// disabled or an attempt is under way.
+/// disabled or an attempt is in flight.
 #[utoipa::path(post, path = "/v1/webhooks/{webhook}/deliveries/{delivery}/redeliver",
     operation_id = "redeliver_webhook", tag = "webhooks",
     params(("webhook" = String, Path, description = "The webhook's id"),

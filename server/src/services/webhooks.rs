@@ -6,7 +6,7 @@
 
 mod announce;
 mod backoff;
-mod book;
+mod registry;
 mod history;
 mod deliver;
 pub(crate) mod error;
@@ -31,8 +31,8 @@ use crate::notices::Notices;
 use crate::services::sessions::Sessions;
 use crate::wire::webhook::{WebhookStatus, kinds};
 use crate::wire::{self as convert, count, cursor, page_id, page_length};
-use book::{Book, Entry, Known};
 use error::WebhookError;
+use registry::{Entry, Known, Registry};
 use sender::Sender;
 
 /// Maximum number of webhooks.
@@ -52,11 +52,11 @@ pub(crate) struct Webhooks {
     sender: Sender,
     allows_private: bool,
     pauses: Vec<Duration>,
-    book: RwLock<Book>,
+    registry: RwLock<Registry>,
     /// Locked while webhooks or deliveries change.
     changing: Mutex<()>,
     /// Notified of every change of a delivery.
-    news: watch::Sender<()>,
+    changed: watch::Sender<()>,
 }
 
 impl Webhooks {
@@ -69,7 +69,7 @@ impl Webhooks {
     ) -> Result<Self, Cause> {
         let (read, noted) = (store.clone(), Arc::clone(&notices));
         let reading = tokio::task::spawn_blocking(move || stored(&read, &noted));
-        let book = reading.await.map_err(|_| Cause::Panicked)??;
+        let registry = reading.await.map_err(|_| Cause::Panicked)??;
         let allows_private = config.webhook_allow_private;
         Ok(Self {
             store: store.clone(),
@@ -78,9 +78,9 @@ impl Webhooks {
             sender: Sender::new(allows_private),
             allows_private,
             pauses: config.webhook_pauses.clone(),
-            book: RwLock::new(book),
+            registry: RwLock::new(registry),
             changing: Mutex::default(),
-            news: watch::Sender::default(),
+            changed: watch::Sender::default(),
         })
     }
 
@@ -91,8 +91,8 @@ impl Webhooks {
 
     pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::WebhookPage, Cause> {
         let (after, limit, now) = (page_id(query)?, page_length(query)?, now_ms());
-        Ok(self.read(|book| {
-            let behind = book.0.iter().filter(|(id, _)| after.is_none_or(|after| **id > after));
+        Ok(self.read(|registry| {
+            let behind = registry.0.iter().filter(|(id, _)| after.is_none_or(|after| **id > after));
             let mut items: Vec<_> = behind.take(limit + 1).collect();
             let more = items.len() > limit;
             items.truncate(limit);
@@ -117,7 +117,7 @@ impl Webhooks {
         convert::text("/description", &description, DESCRIPTION_CHARS_MAX)?;
         let secret = self.secret(request.secret.as_deref())?;
         let _changing = self.changing.lock().await;
-        let n_webhooks = self.read(|book| book.0.len());
+        let n_webhooks = self.read(|registry| registry.0.len());
         if n_webhooks >= WEBHOOKS_MAX {
             return Err(WebhookError::Full { max: WEBHOOKS_MAX });
         }
@@ -138,7 +138,7 @@ impl Webhooks {
         };
         self.store.webhooks().create(&webhook).await?;
         let (id, secret) = (webhook.id, signature::shown(&webhook.secret));
-        self.write(|book| book.0.insert(id, Known::new(webhook)));
+        self.write(|registry| registry.0.insert(id, Known::new(webhook)));
         tracing::info!(webhook.id = %id, "Created webhook {id}");
         Ok(wire::NewWebhook { webhook: self.show(id)?, secret })
     }
@@ -176,7 +176,7 @@ impl Webhooks {
             }
         });
         if !changed.await?.is_enabled {
-            self.abandon_all(id).await?;
+            self.abandon_waiting(id).await?;
         }
         Ok(self.show(id)?)
     }
@@ -186,7 +186,7 @@ impl Webhooks {
         let _changing = self.changing.lock().await;
         let store = self.store.essential();
         store.webhooks().remove(id).await?;
-        self.write(|book| book.0.remove(&id));
+        self.write(|registry| registry.0.remove(&id));
         // What a crash leaves here is removed at the next start.
         store.deliveries().remove_all(id).await?;
         tracing::info!(webhook.id = %id, "Deleted webhook {id}");
@@ -223,8 +223,8 @@ impl Webhooks {
             Ok::<(), StoreError>(())
         });
         let webhook = changed.await??;
-        self.write(|book| {
-            if let Some(known) = book.0.get_mut(&id) {
+        self.write(|registry| {
+            if let Some(known) = registry.0.get_mut(&id) {
                 known.webhook = webhook.clone();
             }
         });
@@ -239,7 +239,8 @@ impl Webhooks {
     }
 
     fn enabled(&self, id: Uuid) -> Result<(), WebhookError> {
-        let is_enabled = self.read(|book| book.0.get(&id).map(|known| known.webhook.is_enabled));
+        let is_enabled =
+            self.read(|registry| registry.0.get(&id).map(|known| known.webhook.is_enabled));
         match is_enabled {
             Some(true) => Ok(()),
             Some(false) => Err(WebhookError::Disabled { id }),
@@ -251,39 +252,40 @@ impl Webhooks {
     fn id(&self, reference: &str) -> Result<Uuid, Cause> {
         let unknown = || Cause::unknown("webhook", reference);
         let id = Uuid::try_parse(reference).map_err(|_| unknown())?;
-        self.read(|book| book.0.contains_key(&id)).then_some(id).ok_or_else(unknown)
+        self.read(|registry| registry.0.contains_key(&id)).then_some(id).ok_or_else(unknown)
     }
 
     fn show(&self, id: Uuid) -> Result<wire::Webhook, Cause> {
         let now = now_ms();
-        let shown = self.read(|book| book.0.get(&id).map(|known| shown_webhook(known, now)));
+        let shown =
+            self.read(|registry| registry.0.get(&id).map(|known| shown_webhook(known, now)));
         shown.ok_or_else(|| Cause::unknown("webhook", id))
     }
 
-    fn read<T>(&self, look: impl FnOnce(&Book) -> T) -> T {
-        look(&self.book.read().unwrap_or_else(PoisonError::into_inner))
+    fn read<T>(&self, look: impl FnOnce(&Registry) -> T) -> T {
+        look(&self.registry.read().unwrap_or_else(PoisonError::into_inner))
     }
 
-    fn write<T>(&self, change: impl FnOnce(&mut Book) -> T) -> T {
-        change(&mut self.book.write().unwrap_or_else(PoisonError::into_inner))
+    fn write<T>(&self, change: impl FnOnce(&mut Registry) -> T) -> T {
+        change(&mut self.registry.write().unwrap_or_else(PoisonError::into_inner))
     }
 }
 
 /// The webhooks of a store with their deliveries; what was announced goes to `notices`. Blocks.
-fn stored(store: &Database, notices: &Notices) -> Result<Book, StoreError> {
-    let mut book = Book::default();
+fn stored(store: &Database, notices: &Notices) -> Result<Registry, StoreError> {
+    let mut registry = Registry::default();
     for webhook in store.webhooks().list_whole(None, usize::MAX - 1)?.items {
-        book.0.insert(webhook.id, Known::new(webhook));
+        registry.0.insert(webhook.id, Known::new(webhook));
     }
     store.deliveries().each(|delivery| {
-        if let Some(known) = book.0.get_mut(&delivery.webhook) {
+        if let Some(known) = registry.0.get_mut(&delivery.webhook) {
             known.entries.insert(delivery.event, Entry::of(&delivery));
         }
     })?;
     for notice in store.deliveries().notices()? {
         notices.set_announced(notice);
     }
-    Ok(book)
+    Ok(registry)
 }
 
 fn shown_webhook(known: &Known, now_ms: u64) -> wire::Webhook {

@@ -106,7 +106,7 @@ pub(crate) struct OtherTruth {
 
 /// The truth about a session, as a client states it.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct ToldTruth {
+pub(crate) struct ReportedTruth {
     /// Index of the object in the model; `None` for an object outside the catalogue.
     pub(crate) object: Option<usize>,
     /// Pose of its frame.
@@ -138,10 +138,10 @@ pub(crate) fn set_truth(session: &mut Session, truth: &wire::Truth) -> Result<bo
 }
 
 /// The truth stated by a client; `Ok(None)` when none is stated.
-pub(crate) fn told_truth(
+pub(crate) fn reported_truth(
     asked: &wire::CloseSession,
     model: &Model,
-) -> Result<Option<ToldTruth>, Invalid> {
+) -> Result<Option<ReportedTruth>, Invalid> {
     if asked.pose.is_some() && asked.object.is_none() {
         let detail = "came without `object`, expected a pose with the object that has it";
         return Err(Invalid::field("/pose", detail));
@@ -149,13 +149,13 @@ pub(crate) fn told_truth(
     let session_from_object = asked.pose.as_ref().map(|given| pose("/pose", given)).transpose()?;
     match (&asked.object, asked.none_of_these.unwrap_or(false)) {
         (None, false) => Ok(None),
-        (None, true) => Ok(Some(ToldTruth::default())),
+        (None, true) => Ok(Some(ReportedTruth::default())),
         (Some(_), true) => {
             let detail = "came with `object`, expected one of the two";
             Err(Invalid::field("/none_of_these", detail))
         }
         (Some(reference), false) => match model.find(reference) {
-            Some(object) => Ok(Some(ToldTruth { object: Some(object), session_from_object })),
+            Some(object) => Ok(Some(ReportedTruth { object: Some(object), session_from_object })),
             None => {
                 let (name, version) = (&model.name, model.version);
                 let detail = format!(

@@ -1,5 +1,5 @@
-//! A receiver of webhooks for tests: it answers as it is told, keeps what came, and verifies
-//! signatures as Standard Webhooks describes.
+//! Receiver of webhooks for tests: answers with scripted statuses, records the messages, and
+//! verifies their signatures as Standard Webhooks describes.
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;

@@ -1,4 +1,4 @@
-//! Stories of webhooks: what is told and how often, how it is delivered, and who is refused.
+//! Tests of webhooks: which events are sent and how often, retries and redelivery, and roles.
 
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};

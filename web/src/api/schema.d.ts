@@ -1561,8 +1561,8 @@ export interface paths {
         };
         /**
          * List the deliveries to a webhook
-         * @description Lists the newest 200 events, delivered or not. A delivery that waits leaves the list only if 200
-         *     others wait.
+         * @description Lists the newest 200 events, delivered or not. A waiting delivery leaves the list only if 200
+         *     newer ones wait.
          */
         get: operations["list_webhook_deliveries"];
         put?: never;
@@ -1602,7 +1602,7 @@ export interface paths {
         /**
          * Deliver an event again
          * @description Sends it now, under the same id, with as many attempts as a new one. 409 if the webhook is
-         *     disabled or an attempt is under way.
+         *     disabled or an attempt is in flight.
          */
         post: operations["redeliver_webhook"];
         delete?: never;
@@ -5829,13 +5829,13 @@ export interface components {
             /** @description A new description. */
             description?: string | null;
             /**
-             * @description Whether events are sent. Disabling abandons the deliveries that wait; a webhook that is
-             *     enabled again gets the events from then on.
+             * @description Whether events are sent. Disabling abandons the waiting deliveries. A webhook enabled again
+             *     receives events from then on.
              */
             enabled?: boolean | null;
             /** @description New types of the events to send. */
             events?: components["schemas"]["WebhookEventType"][] | null;
-            /** @description A new URL; deliveries that wait go there, too. */
+            /** @description A new URL. Waiting deliveries go there, too. */
             url?: string | null;
         };
         /** @description Name and version of the server. */
@@ -5910,7 +5910,7 @@ export interface components {
             last_delivered_at?: string | null;
             /**
              * Format: int32
-             * @description Number of deliveries that wait for an attempt.
+             * @description Number of deliveries waiting for an attempt.
              */
             n_waiting: number;
             /**
@@ -5988,10 +5988,10 @@ export interface components {
         WebhookEvent: {
             /**
              * Format: date-time
-             * @description When it happened, by the server's clock.
+             * @description Time of the event, by the server's clock.
              */
             created_at: string;
-            /** @description What it is about. */
+            /** @description Content of the event. */
             data: components["schemas"]["WebhookEventData"];
             /**
              * Format: uuid
@@ -6001,7 +6001,7 @@ export interface components {
             /** @description Type of the event. */
             type: components["schemas"]["WebhookEventType"];
         };
-        /** @description What an event is about; fields of other types of events are missing. */
+        /** @description Content of an event. Fields that belong to other types of events are missing. */
         WebhookEventData: {
             attention?: components["schemas"]["Attention"] | null;
             belief?: components["schemas"]["Belief"] | null;

@@ -7,6 +7,7 @@ import { plural, when } from "../format";
 import { Empty, ProblemNote, Show } from "../parts/Notes";
 import { Badge, Panel, ViewHead } from "../parts/Panel";
 import { SearchField } from "../parts/SearchField";
+import { Table } from "../parts/Table";
 import { useAction } from "../parts/useAction";
 
 const PAGE = 100;
@@ -57,21 +58,9 @@ export function AuditView() {
             <Empty title="No entry fits" />
           ) : (
             <Panel title="Entries" aside={plural(entries.length, "entry", "entries") + (next === undefined ? "" : " and more")}>
-              <div class="scroll" tabIndex={0} role="region" aria-label="Audit log">
-                <table>
-                  <thead>
-                    <tr>
-                      <th scope="col">When</th>
-                      <th scope="col">Who</th>
-                      <th scope="col">Operation</th>
-                      <th scope="col">On</th>
-                      <th scope="col">Outcome</th>
-                      <th scope="col">From</th>
-                    </tr>
-                  </thead>
-                  <tbody>{entries.map((entry) => <Row key={entry.seq} entry={entry} />)}</tbody>
-                </table>
-              </div>
+              <Table label="Audit log" columns={["When", "Who", "Operation", "On", "Outcome", "From"]}>
+                {entries.map((entry) => <Row key={entry.seq} entry={entry} />)}
+              </Table>
               {next !== undefined && <p class="more"><button type="button" class="small" disabled={action.busy} onClick={showMore}>Show more</button></p>}
             </Panel>
           )

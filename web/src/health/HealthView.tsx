@@ -6,6 +6,7 @@ import { bytes, count } from "../format";
 import { Show } from "../parts/Notes";
 import { who } from "../signin";
 import { Badge, Panel, ViewHead } from "../parts/Panel";
+import { Table } from "../parts/Table";
 import { StorageTables } from "./Storage";
 import { parseMetrics, quantile, total, type Sample } from "./metrics";
 
@@ -111,27 +112,15 @@ function Requests({ samples }: { samples: Sample[] }) {
   }
   const rows = [...routes].sort((a, b) => b[1].n - a[1].n).slice(0, 15);
   return (
-    <div class="scroll" tabIndex={0} role="region" aria-label="Requests by route">
-      <table>
-        <thead>
-          <tr>
-            <th scope="col">Route</th>
-            <th scope="col" class="num">Requests</th>
-            <th scope="col" class="num">Refused or failed</th>
-            <th scope="col" class="num">Mean</th>
-          </tr>
-        </thead>
-        <tbody>
-          {rows.map(([route, { n, failed, seconds }]) => (
-            <tr key={route}>
-              <th scope="row"><code>{route}</code></th>
-              <td class="num">{count(n)}</td>
-              <td class="num">{count(failed)}</td>
-              <td class="num">{n > 0 ? `${((seconds / n) * 1000).toFixed(1)} ms` : "–"}</td>
-            </tr>
-          ))}
-        </tbody>
-      </table>
-    </div>
+    <Table label="Requests by route" columns={["Route", ["Requests", "num"], ["Refused or failed", "num"], ["Mean", "num"]]}>
+      {rows.map(([route, { n, failed, seconds }]) => (
+        <tr key={route}>
+          <th scope="row"><code>{route}</code></th>
+          <td class="num">{count(n)}</td>
+          <td class="num">{count(failed)}</td>
+          <td class="num">{n > 0 ? `${((seconds / n) * 1000).toFixed(1)} ms` : "–"}</td>
+        </tr>
+      ))}
+    </Table>
   );
 }

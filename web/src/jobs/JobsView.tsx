@@ -8,6 +8,7 @@ import { TrainCommands } from "../parts/Commands";
 import { Empty, ProblemNote, Show } from "../parts/Notes";
 import { Badge, Panel, ViewHead } from "../parts/Panel";
 import { Progress } from "../parts/Progress";
+import { Table } from "../parts/Table";
 import { useAction } from "../parts/useAction";
 import { link } from "../router";
 import { may } from "../signin";
@@ -64,34 +65,20 @@ function Running({ job: started, onEnd }: { job: Job; onEnd: () => void }) {
 function Ended({ jobs }: { jobs: Job[] }) {
   return (
     <Panel title="Ended" aside={plural(jobs.length, "job")}>
-      <div class="scroll" tabIndex={0} role="region" aria-label="Ended jobs">
-        <table>
-          <thead>
-            <tr>
-              <th scope="col">Requested</th>
-              <th scope="col">Job</th>
-              <th scope="col">Version</th>
-              <th scope="col">Outcome</th>
-              <th scope="col" class="num">Duration</th>
-              <th scope="col">Reason</th>
-            </tr>
-          </thead>
-          <tbody>
-            {jobs.map((job) => (
-              <tr key={job.id}>
-                <th scope="row"><a href={link("jobs", job.id)}>{when(job.created_at)}</a></th>
-                <td>{jobTitle(job)}</td>
-                <td>
-                  {typeof job.version === "number" ? <a href={link("models", job.catalogue, job.version)}>Version {job.version}</a> : "–"}
-                </td>
-                <td><Badge kind={job.state}>{job.state}</Badge></td>
-                <td class="num">{job.started_at && job.finished_at ? duration((Date.parse(job.finished_at) - Date.parse(job.started_at)) / 1000) : "–"}</td>
-                <td>{job.reason ?? ""}</td>
-              </tr>
-            ))}
-          </tbody>
-        </table>
-      </div>
+      <Table label="Ended jobs" columns={["Requested", "Job", "Version", "Outcome", ["Duration", "num"], "Reason"]}>
+        {jobs.map((job) => (
+          <tr key={job.id}>
+            <th scope="row"><a href={link("jobs", job.id)}>{when(job.created_at)}</a></th>
+            <td>{jobTitle(job)}</td>
+            <td>
+              {typeof job.version === "number" ? <a href={link("models", job.catalogue, job.version)}>Version {job.version}</a> : "–"}
+            </td>
+            <td><Badge kind={job.state}>{job.state}</Badge></td>
+            <td class="num">{job.started_at && job.finished_at ? duration((Date.parse(job.finished_at) - Date.parse(job.started_at)) / 1000) : "–"}</td>
+            <td>{job.reason ?? ""}</td>
+          </tr>
+        ))}
+      </Table>
     </Panel>
   );
 }

@@ -2,6 +2,7 @@
 import type { ShadowAnswer, ShadowReport } from "../api/types";
 import { duration, percent, plural, shortId } from "../format";
 import { Panel } from "../parts/Panel";
+import { type Column, Table } from "../parts/Table";
 import { link } from "../router";
 import { NONE_OF_THESE } from "../belief";
 
@@ -16,6 +17,7 @@ export function ShadowPanels({ catalogue, report }: { catalogue: string; report:
     ["None of these", percent(old.unknown), percent(tried.unknown)],
     ["Time for a touch", `${old.touch_ms.toFixed(1)} ms`, `${tried.touch_ms.toFixed(1)} ms`],
   ];
+  const versionHead = (version: number): Column => [<a key={version} href={link("models", catalogue, version)}>Version {version}</a>, "num"];
   return (
     <>
       <Panel title="Both versions on the same sessions" aside={`took ${duration(report.seconds)}`}>
@@ -23,49 +25,25 @@ export function ShadowPanels({ catalogue, report }: { catalogue: string; report:
           {plural(report.n_sessions, "session")}, {report.n_with_truth === 0 ? "none with a known truth" : `${report.n_with_truth} with a known truth`}
           {report.n_left_out > 0 && `; ${report.n_left_out} could not be replayed`}. A session is decided when the risk of a wrong answer is at most {percent(report.risk)}.
         </p>
-        <div class="scroll" tabIndex={0} role="region" aria-label="Figures of both versions">
-          <table>
-            <thead>
-              <tr>
-                <th scope="col"><span class="visually-hidden">Figure</span></th>
-                <th scope="col" class="num"><a href={link("models", catalogue, report.against)}>Version {report.against}</a></th>
-                <th scope="col" class="num"><a href={link("models", catalogue, report.version)}>Version {report.version}</a></th>
-              </tr>
-            </thead>
-            <tbody>
-              {rows.map(([name, before, after]) => (
-                <tr key={name}><th scope="row">{name}</th><td class="num">{before}</td><td class="num">{after}</td></tr>
-              ))}
-            </tbody>
-          </table>
-        </div>
+        <Table label="Figures of both versions" columns={[["Figure", "hidden"], ...[report.against, report.version].map(versionHead)]}>
+          {rows.map(([name, before, after]) => (
+            <tr key={name}><th scope="row">{name}</th><td class="num">{before}</td><td class="num">{after}</td></tr>
+          ))}
+        </Table>
       </Panel>
       <Panel title="Sessions with another answer" aside={plural(report.n_changed, "session")}>
         {report.changed.length === 0 ? <p class="faint">None: both versions end with the same answer everywhere.</p> : (
-          <div class="scroll" tabIndex={0} role="region" aria-label="Sessions with another answer">
-            <table>
-              <thead>
-                <tr>
-                  <th scope="col">Session</th>
-                  <th scope="col">Truth</th>
-                  <th scope="col">Version {report.against}</th>
-                  <th scope="col">Version {report.version}</th>
-                  <th scope="col" class="num">Readings</th>
-                </tr>
-              </thead>
-              <tbody>
-                {report.changed.map((one) => (
-                  <tr key={one.session}>
-                    <th scope="row"><a href={link("sessions", one.session)}>{shortId(one.session)}</a></th>
-                    <td>{one.truth ?? <span class="faint">–</span>}</td>
-                    <td>{answer(one.old)}</td>
-                    <td>{answer(one.new)}</td>
-                    <td class="num">{one.n_readings}</td>
-                  </tr>
-                ))}
-              </tbody>
-            </table>
-          </div>
+          <Table label="Sessions with another answer" columns={["Session", "Truth", `Version ${report.against}`, `Version ${report.version}`, ["Readings", "num"]]}>
+            {report.changed.map((one) => (
+              <tr key={one.session}>
+                <th scope="row"><a href={link("sessions", one.session)}>{shortId(one.session)}</a></th>
+                <td>{one.truth ?? <span class="faint">–</span>}</td>
+                <td>{answer(one.old)}</td>
+                <td>{answer(one.new)}</td>
+                <td class="num">{one.n_readings}</td>
+              </tr>
+            ))}
+          </Table>
         )}
       </Panel>
     </>

@@ -7,6 +7,8 @@ import { when } from "../format";
 import { Dialog } from "../parts/Dialog";
 import { Empty, ProblemNote, Show } from "../parts/Notes";
 import { Badge, Panel, ViewHead } from "../parts/Panel";
+import { SecretDialog } from "../parts/SecretDialog";
+import { Table } from "../parts/Table";
 import { useAction } from "../parts/useAction";
 import { who } from "../signin";
 
@@ -53,50 +55,31 @@ export function KeysView() {
             </Empty>
           ) : (
             <Panel title="All keys">
-              <div class="scroll" tabIndex={0} role="region" aria-label="Keys">
-                <table>
-                  <thead>
-                    <tr>
-                      <th scope="col">Name</th>
-                      <th scope="col">Role</th>
-                      <th scope="col">State</th>
-                      <th scope="col">Last used</th>
-                      <th scope="col">Created</th>
-                      <th scope="col"><span class="visually-hidden">Actions</span></th>
-                    </tr>
-                  </thead>
-                  <tbody>
-                    {found.map((key) => (
-                      <tr key={key.id}>
-                        <th scope="row">{key.name}</th>
-                        <td>{key.role}</td>
-                        <td><State of={key} /></td>
-                        <td class="num-left">{when(key.last_used_at)}</td>
-                        <td class="num-left">{when(key.created_at)}</td>
-                        <td class="row-end">
-                          {key.active && (
-                            <>
-                              <button type="button" class="small" disabled={action.busy} aria-label={`Rotate ${key.name}`} onClick={() => rotate(key)}>Rotate</button>
-                              <button type="button" class="small danger" disabled={action.busy} aria-label={`Revoke ${key.name}`} onClick={() => revoke(key)}>Revoke</button>
-                            </>
-                          )}
-                        </td>
-                      </tr>
-                    ))}
-                  </tbody>
-                </table>
-              </div>
+              <Table label="Keys" columns={["Name", "Role", "State", "Last used", "Created", ["Actions", "hidden"]]}>
+                {found.map((key) => (
+                  <tr key={key.id}>
+                    <th scope="row">{key.name}</th>
+                    <td>{key.role}</td>
+                    <td><State of={key} /></td>
+                    <td class="num-left">{when(key.last_used_at)}</td>
+                    <td class="num-left">{when(key.created_at)}</td>
+                    <td class="row-end">
+                      {key.active && (
+                        <>
+                          <button type="button" class="small" disabled={action.busy} aria-label={`Rotate ${key.name}`} onClick={() => rotate(key)}>Rotate</button>
+                          <button type="button" class="small danger" disabled={action.busy} aria-label={`Revoke ${key.name}`} onClick={() => revoke(key)}>Revoke</button>
+                        </>
+                      )}
+                    </td>
+                  </tr>
+                ))}
+              </Table>
             </Panel>
           )
         }
       </Show>
       {creating && <CreateDialog isFirst={isOpen} onMade={done} onClose={() => setCreating(false)} />}
-      {secret && (
-        <SecretDialog
-          made={secret}
-          onClose={() => setSecret(undefined)}
-        />
-      )}
+      {secret && <SecretDialog owner={secret.key.name} secret={secret.secret} advice="Store it now." onClose={() => setSecret(undefined)} />}
     </>
   );
 }
@@ -149,25 +132,6 @@ function CreateDialog(props: { isFirst: boolean; onMade: (made: NewApiKey) => vo
           <button type="submit" class="primary" disabled={action.busy}>Create key</button>
         </div>
       </form>
-    </Dialog>
-  );
-}
-
-function SecretDialog({ made, onClose }: { made: NewApiKey; onClose: () => void }) {
-  const [copied, setCopied] = useState(false);
-  const copy = () => void navigator.clipboard?.writeText(made.secret).then(() => setCopied(true), () => undefined);
-  return (
-    <Dialog title={`Secret of ${made.key.name}`} onClose={onClose}>
-      <div class="stack">
-        <p class="note note-warn">This secret is shown only once. Store it now.</p>
-        <div class="secret">
-          <code>{made.secret}</code>
-          <button type="button" onClick={copy}>{copied ? "Copied" : "Copy"}</button>
-        </div>
-        <div class="form-end">
-          <button type="button" class="primary" onClick={onClose}>Done</button>
-        </div>
-      </div>
     </Dialog>
   );
 }

@@ -6,6 +6,7 @@ import { count, plural, when } from "../format";
 import { TrainCommands } from "../parts/Commands";
 import { Empty, ProblemNote, Show } from "../parts/Notes";
 import { Badge, Panel, ViewHead } from "../parts/Panel";
+import { Table } from "../parts/Table";
 import { useAction } from "../parts/useAction";
 import { go, link } from "../router";
 import { may } from "../signin";
@@ -70,24 +71,11 @@ function Versions({ catalogue, reload }: { catalogue: Catalogue; reload: () => v
           found.length === 0 ? (
             <p class="faint">No version yet.</p>
           ) : (
-            <div class="scroll" tabIndex={0} role="region" aria-label={`Versions of ${catalogue.name}`}>
-              <table>
-                <thead>
-                  <tr>
-                    <th scope="col">Version</th>
-                    <th scope="col">Trained</th>
-                    <th scope="col">Objects</th>
-                    <th scope="col">Parts</th>
-                    <th scope="col"><span class="visually-hidden">Actions</span></th>
-                  </tr>
-                </thead>
-                <tbody>
-                  {[...found].reverse().map((version) => (
-                    <Row key={version.version} version={version} current={catalogue.current?.version} aliases={aliasesOf(catalogue, version.version)} busy={action.busy} use={use} compare={compare} nameIt={nameIt} />
-                  ))}
-                </tbody>
-              </table>
-            </div>
+            <Table label={`Versions of ${catalogue.name}`} columns={["Version", "Trained", "Objects", "Parts", ["Actions", "hidden"]]}>
+              {[...found].reverse().map((version) => (
+                <Row key={version.version} version={version} current={catalogue.current?.version} aliases={aliasesOf(catalogue, version.version)} busy={action.busy} use={use} compare={compare} nameIt={nameIt} />
+              ))}
+            </Table>
           )
         }
       </Show>

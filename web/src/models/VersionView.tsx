@@ -6,6 +6,7 @@ import { bytes, count, duration, percent, plural, symmetryWords, when } from "..
 import { Matrix } from "../parts/Matrix";
 import { Show } from "../parts/Notes";
 import { Badge, Facts, Panel, ViewHead } from "../parts/Panel";
+import { Table } from "../parts/Table";
 import { link } from "../router";
 
 export function VersionView({ catalogue, version }: { catalogue: string; version: string }) {
@@ -54,32 +55,18 @@ function Summary({ version }: { version: CatalogueVersion }) {
 function Objects({ version }: { version: CatalogueVersion }) {
   return (
     <Panel title="Objects">
-      <div class="scroll" tabIndex={0} role="region" aria-label="Objects of the version">
-        <table>
-          <thead>
-            <tr>
-              <th scope="col">Object</th>
-              <th scope="col" class="num">Touches</th>
-              <th scope="col" class="num">Patches</th>
-              <th scope="col" class="num">Pairs</th>
-              <th scope="col">Symmetry</th>
-              <th scope="col">Contact map</th>
-            </tr>
-          </thead>
-          <tbody>
-            {version.report.objects.map((object) => (
-              <tr key={object.id}>
-                <th scope="row"><a href={link("objects", object.id)}>{object.name}</a></th>
-                <td class="num">{count(object.n_readings)}</td>
-                <td class="num">{count(object.n_patches)}</td>
-                <td class="num">{object.surface ? count(object.surface.n_pairs) : "–"}</td>
-                <td>{symmetryWords(object)}</td>
-                <td class="tight">{object.geometric ? `${object.geometric.kind}, ${object.geometric.n_cells.join(" × ")}` : "none"}</td>
-              </tr>
-            ))}
-          </tbody>
-        </table>
-      </div>
+      <Table label="Objects of the version" columns={["Object", ["Touches", "num"], ["Patches", "num"], ["Pairs", "num"], "Symmetry", "Contact map"]}>
+        {version.report.objects.map((object) => (
+          <tr key={object.id}>
+            <th scope="row"><a href={link("objects", object.id)}>{object.name}</a></th>
+            <td class="num">{count(object.n_readings)}</td>
+            <td class="num">{count(object.n_patches)}</td>
+            <td class="num">{object.surface ? count(object.surface.n_pairs) : "–"}</td>
+            <td>{symmetryWords(object)}</td>
+            <td class="tight">{object.geometric ? `${object.geometric.kind}, ${object.geometric.n_cells.join(" × ")}` : "none"}</td>
+          </tr>
+        ))}
+      </Table>
     </Panel>
   );
 }

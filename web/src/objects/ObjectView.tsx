@@ -7,6 +7,7 @@ import { objectColor } from "../colors";
 import { bytes, classColor, count, dark, plural, symmetryWords, when } from "../format";
 import { ProblemNote, Show } from "../parts/Notes";
 import { Facts, Panel, ViewHead } from "../parts/Panel";
+import { Table } from "../parts/Table";
 import { useAction } from "../parts/useAction";
 import { go, link } from "../router";
 import { IDENTITY, type Content, type Shape, type SurfacePoint } from "../scene/content";
@@ -117,19 +118,14 @@ function ClassTable({ patches }: { patches: MapPatch[] }) {
   return (
     <details class="behind">
       <summary>Classes as a table</summary>
-      <div class="scroll" tabIndex={0} role="region" aria-label="Appearance classes">
-        <table>
-          <thead><tr><th scope="col">Class</th><th scope="col" class="num">Touches</th></tr></thead>
-          <tbody>
-            {rows.map(([one, n]) => (
-              <tr key={String(one)}>
-                <th scope="row"><span class="key"><span class="dot" style={{ background: classColor(one) }} />{one === null ? "in no pair" : one}</span></th>
-                <td class="num">{n}</td>
-              </tr>
-            ))}
-          </tbody>
-        </table>
-      </div>
+      <Table label="Appearance classes" columns={["Class", ["Touches", "num"]]}>
+        {rows.map(([one, n]) => (
+          <tr key={String(one)}>
+            <th scope="row"><span class="key"><span class="dot" style={{ background: classColor(one) }} />{one === null ? "in no pair" : one}</span></th>
+            <td class="num">{n}</td>
+          </tr>
+        ))}
+      </Table>
     </details>
   );
 }

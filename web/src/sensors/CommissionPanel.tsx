@@ -8,6 +8,7 @@ import { Commands } from "../parts/Commands";
 import { ProblemNote, Show } from "../parts/Notes";
 import { Badge, Facts, Panel } from "../parts/Panel";
 import { TactileImage } from "../parts/TactileImage";
+import { Table } from "../parts/Table";
 import { useAction } from "../parts/useAction";
 import { may } from "../signin";
 
@@ -121,30 +122,17 @@ function Findings({ found, sensor }: { found: Commissioning; sensor: Sensor }) {
   return (
     <>
       <p class={`note note-${found.verdict === "right" ? "good" : found.verdict === "wrong" ? "bad" : "warn"}`} role="status">{found.summary}</p>
-      <div class="scroll" tabIndex={0} role="region" aria-label="Findings">
-        <table>
-          <thead>
-            <tr>
-              <th scope="col">What</th>
-              <th scope="col">Found</th>
-              <th scope="col">Stated</th>
-              <th scope="col">Verdict</th>
-              <th scope="col">Correction</th>
-            </tr>
-          </thead>
-          <tbody>
-            {found.findings.map((one) => (
-              <tr key={one.name}>
-                <th scope="row">{one.name.replaceAll("_", " ")}</th>
-                <td>{one.found}{typeof one.probability === "number" && <span class="faint"> ({percent(one.probability)})</span>}</td>
-                <td>{one.stated ?? "–"}</td>
-                <td><Badge kind={KINDS[one.verdict]}>{one.verdict}</Badge></td>
-                <td>{one.correction ?? ""}</td>
-              </tr>
-            ))}
-          </tbody>
-        </table>
-      </div>
+      <Table label="Findings" columns={["What", "Found", "Stated", "Verdict", "Correction"]}>
+        {found.findings.map((one) => (
+          <tr key={one.name}>
+            <th scope="row">{one.name.replaceAll("_", " ")}</th>
+            <td>{one.found}{typeof one.probability === "number" && <span class="faint"> ({percent(one.probability)})</span>}</td>
+            <td>{one.stated ?? "–"}</td>
+            <td><Badge kind={KINDS[one.verdict]}>{one.verdict}</Badge></td>
+            <td>{one.correction ?? ""}</td>
+          </tr>
+        ))}
+      </Table>
       <Facts of={[["Deviation as sent", percent(found.residual_before)], ["Deviation as found", percent(found.residual_after)], ["Touches used", String(found.n_touches)]]} />
       <div class="pairs">
         {found.touches.slice(0, SHOWN).map((touch) => {

@@ -6,6 +6,7 @@ import { mm, plural } from "../format";
 import { Commands } from "../parts/Commands";
 import { Empty, Show } from "../parts/Notes";
 import { Badge, Panel, ViewHead } from "../parts/Panel";
+import { Table } from "../parts/Table";
 import { link } from "../router";
 import { listedTaxels } from "../scene/vectors";
 import { may } from "../signin";
@@ -24,24 +25,11 @@ export function SensorsView() {
             </Empty>
           ) : (
             <Panel title="All sensors">
-              <div class="scroll" tabIndex={0} role="region" aria-label="Sensors">
-                <table>
-                  <thead>
-                    <tr>
-                      <th scope="col">Sensor</th>
-                      <th scope="col">Taxels</th>
-                      <th scope="col" class="num">Pitch</th>
-                      <th scope="col" class="num">Covering</th>
-                      <th scope="col">Calibration</th>
-                    </tr>
-                  </thead>
-                  <tbody>
-                    {found.map((sensor) => (
-                      <Row key={sensor.id} sensor={sensor} />
-                    ))}
-                  </tbody>
-                </table>
-              </div>
+              <Table label="Sensors" columns={["Sensor", "Taxels", ["Pitch", "num"], ["Covering", "num"], "Calibration"]}>
+                {found.map((sensor) => (
+                  <Row key={sensor.id} sensor={sensor} />
+                ))}
+              </Table>
             </Panel>
           )
         }

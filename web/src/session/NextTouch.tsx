@@ -5,6 +5,7 @@ import { sendJson } from "../api/http";
 import { persist, problemFrom } from "../api/resource";
 import { bits, decimal, percent } from "../format";
 import { Panel } from "../parts/Panel";
+import { Table } from "../parts/Table";
 import type { SessionModel } from "./model";
 
 const N = 3;
@@ -77,28 +78,16 @@ export function NextTouchPanel({ next }: { next: Suggested }) {
       {next.why === undefined && next.problem && <p class="faint">{next.problem.detail}</p>}
       {next.why === undefined && !next.problem && next.answer === undefined && <p class="faint">Waiting for the robot to pause …</p>}
       {next.why === undefined && next.answer && (
-        <div class="scroll" tabIndex={0} role="region" aria-label="Suggested touches">
-          <table>
-            <thead>
-              <tr>
-                <th scope="col">Approach from (mm)</th>
-                <th scope="col" class="num">Identity (bits)</th>
-                <th scope="col" class="num">Pose (bits)</th>
-                <th scope="col" class="num">Contact</th>
-              </tr>
-            </thead>
-            <tbody>
-              {next.answer.touches.map((touch, place) => (
-                <tr key={place}>
-                  <th scope="row">{touch.pose.position.map((part) => decimal(part * 1000, 0)).join(", ")}</th>
-                  <td class="num">{bits(touch.information_bits)}</td>
-                  <td class="num">{bits(touch.pose_bits)}</td>
-                  <td class="num">{percent(touch.contact_probability)}</td>
-                </tr>
-              ))}
-            </tbody>
-          </table>
-        </div>
+        <Table label="Suggested touches" columns={["Approach from (mm)", ["Identity (bits)", "num"], ["Pose (bits)", "num"], ["Contact", "num"]]}>
+          {next.answer.touches.map((touch, place) => (
+            <tr key={place}>
+              <th scope="row">{touch.pose.position.map((part) => decimal(part * 1000, 0)).join(", ")}</th>
+              <td class="num">{bits(touch.information_bits)}</td>
+              <td class="num">{bits(touch.pose_bits)}</td>
+              <td class="num">{percent(touch.contact_probability)}</td>
+            </tr>
+          ))}
+        </Table>
       )}
     </Panel>
   );

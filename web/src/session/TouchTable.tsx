@@ -2,6 +2,7 @@
 import { decimal, signedBits } from "../format";
 import { counts } from "./content";
 import type { SessionModel } from "./model";
+import { Table } from "../parts/Table";
 
 interface Props {
   model: SessionModel;
@@ -16,33 +17,21 @@ export function TouchTable({ model, selected, select }: Props) {
   return (
     <details class="behind">
       <summary>Touches as a table</summary>
-      <div class="scroll" tabIndex={0} role="region" aria-label="Touches">
-        <table>
-          <thead>
-            <tr>
-              <th scope="col">Reading</th>
-              <th scope="col">Position (mm)</th>
-              <th scope="col">Sensor direction</th>
-              <th scope="col" class="num">Bits</th>
-            </tr>
-          </thead>
-          <tbody>
-            {touched.map((reading) => (
-              <tr key={reading.number} class={reading.number === selected ? "chosen" : ""}>
-                <th scope="row">
-                  <button type="button" class="plain small" aria-pressed={reading.number === selected}
-                    onClick={() => select(reading.number === selected ? undefined : reading.number)}>
-                    {reading.number + 1}
-                  </button>
-                </th>
-                <td class="num-left">{reading.pose!.position.map((part) => decimal(part * 1000, 1)).join(", ")}</td>
-                <td>{direction(reading.pose!.orientation)}</td>
-                <td class="num">{signedBits(contributed.get(reading.number))}</td>
-              </tr>
-            ))}
-          </tbody>
-        </table>
-      </div>
+      <Table label="Touches" columns={["Reading", "Position (mm)", "Sensor direction", ["Bits", "num"]]}>
+        {touched.map((reading) => (
+          <tr key={reading.number} class={reading.number === selected ? "chosen" : ""}>
+            <th scope="row">
+              <button type="button" class="plain small" aria-pressed={reading.number === selected}
+                onClick={() => select(reading.number === selected ? undefined : reading.number)}>
+                {reading.number + 1}
+              </button>
+            </th>
+            <td class="num-left">{reading.pose!.position.map((part) => decimal(part * 1000, 1)).join(", ")}</td>
+            <td>{direction(reading.pose!.orientation)}</td>
+            <td class="num">{signedBits(contributed.get(reading.number))}</td>
+          </tr>
+        ))}
+      </Table>
     </details>
   );
 }

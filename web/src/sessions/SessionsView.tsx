@@ -8,6 +8,7 @@ import { TouchCommands } from "../parts/Commands";
 import { csv, save } from "../parts/save";
 import { Empty, ProblemNote, Show } from "../parts/Notes";
 import { Badge, Panel, ViewHead } from "../parts/Panel";
+import { Table } from "../parts/Table";
 import { useAction } from "../parts/useAction";
 import { go, link } from "../router";
 import { FilterForm } from "./FilterForm";
@@ -61,26 +62,9 @@ export function SessionsView() {
             </Empty> : <Empty title="No sessions yet"><TouchCommands /></Empty>
           ) : (
             <Panel title="Found" aside={plural(sessions.length, "session") + (next === undefined ? "" : " and more")}>
-              <div class="scroll" tabIndex={0} role="region" aria-label="Sessions">
-                <table>
-                  <thead>
-                    <tr>
-                      <th scope="col"><span class="visually-hidden">Choose to compare</span></th>
-                      <th scope="col">Session</th>
-                      <th scope="col">Answer</th>
-                      <th scope="col">Truth</th>
-                      <th scope="col">Robots</th>
-                      <th scope="col" class="num">Readings</th>
-                      <th scope="col">Method</th>
-                      <th scope="col">Labels</th>
-                      <th scope="col">Began</th>
-                    </tr>
-                  </thead>
-                  <tbody>
-                    {sessions.map((session) => <Row key={session.id} session={session} chosen={chosen.includes(session.id)} toggle={toggle} />)}
-                  </tbody>
-                </table>
-              </div>
+              <Table label="Sessions" columns={[["Choose to compare", "hidden"], "Session", "Answer", "Truth", "Robots", ["Readings", "num"], "Method", "Labels", "Began"]}>
+                {sessions.map((session) => <Row key={session.id} session={session} chosen={chosen.includes(session.id)} toggle={toggle} />)}
+              </Table>
               {next !== undefined && (
                 <p class="more"><button type="button" class="small" disabled={action.busy} onClick={showMore}>Show more</button></p>
               )}

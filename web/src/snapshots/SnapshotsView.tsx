@@ -6,6 +6,7 @@ import { bytes, when } from "../format";
 import { saveBlob } from "../parts/save";
 import { Empty, ProblemNote, Show } from "../parts/Notes";
 import { Badge, Panel, ViewHead } from "../parts/Panel";
+import { Table } from "../parts/Table";
 import { useAction } from "../parts/useAction";
 
 const TAKEN = "/v1/audit?operation=take_snapshot&limit=100";
@@ -45,21 +46,16 @@ export function SnapshotsView() {
         <Show of={taken} what="earlier snapshots" lines={4}>
           {(page) =>
             page.items.length === 0 ? <Empty title="None yet" /> : (
-              <div class="scroll" tabIndex={0} role="region" aria-label="Snapshots taken">
-                <table>
-                  <thead><tr><th scope="col">When</th><th scope="col">By</th><th scope="col">Outcome</th><th scope="col">From</th></tr></thead>
-                  <tbody>
-                    {page.items.map((entry) => (
-                      <tr key={entry.seq}>
-                        <th scope="row" class="num-left">{when(entry.at)}</th>
-                        <td>{entry.key_name ?? "without a key"}</td>
-                        <td><Badge kind={(entry.status ?? 500) < 400 ? "good" : "bad"}>{entry.status ?? "unknown"}</Badge></td>
-                        <td>{entry.address}</td>
-                      </tr>
-                    ))}
-                  </tbody>
-                </table>
-              </div>
+              <Table label="Snapshots taken" columns={["When", "By", "Outcome", "From"]}>
+                {page.items.map((entry) => (
+                  <tr key={entry.seq}>
+                    <th scope="row" class="num-left">{when(entry.at)}</th>
+                    <td>{entry.key_name ?? "without a key"}</td>
+                    <td><Badge kind={(entry.status ?? 500) < 400 ? "good" : "bad"}>{entry.status ?? "unknown"}</Badge></td>
+                    <td>{entry.address}</td>
+                  </tr>
+                ))}
+              </Table>
             )
           }
         </Show>

@@ -6,6 +6,7 @@ import type { Webhook, WebhookDelivery } from "../api/types";
 import { when } from "../format";
 import { Empty, ProblemNote, Show } from "../parts/Notes";
 import { Badge, Facts, Panel, ViewHead } from "../parts/Panel";
+import { Table } from "../parts/Table";
 import { useAction } from "../parts/useAction";
 import { link } from "../router";
 import { answerOf, deliveryState, hostOf, lastAnswer, pretty, webhookState } from "./words";
@@ -55,24 +56,11 @@ export function WebhookView({ id }: { id: string }) {
                 <p>A test message shows whether the receiver is reached: <a href={link("webhooks")}>Test</a>.</p>
               </Empty>
             ) : (
-              <div class="scroll" tabIndex={0} role="region" aria-label="Deliveries">
-                <table>
-                  <thead>
-                    <tr>
-                      <th scope="col">When</th>
-                      <th scope="col">Event</th>
-                      <th scope="col">State</th>
-                      <th scope="col">Last answer</th>
-                      <th scope="col"><span class="visually-hidden">Actions</span></th>
-                    </tr>
-                  </thead>
-                  <tbody>
-                    {found.map((delivery) => (
-                      <Delivery key={delivery.id} path={path} delivery={delivery} onChanged={reload} />
-                    ))}
-                  </tbody>
-                </table>
-              </div>
+              <Table label="Deliveries" columns={["When", "Event", "State", "Last answer", ["Actions", "hidden"]]}>
+                {found.map((delivery) => (
+                  <Delivery key={delivery.id} path={path} delivery={delivery} onChanged={reload} />
+                ))}
+              </Table>
             )
           }
         </Show>

@@ -7,6 +7,8 @@ import { when } from "../format";
 import { Dialog } from "../parts/Dialog";
 import { Empty, ProblemNote, Show } from "../parts/Notes";
 import { Badge, Panel, ViewHead } from "../parts/Panel";
+import { SecretDialog } from "../parts/SecretDialog";
+import { Table } from "../parts/Table";
 import { useAction } from "../parts/useAction";
 import { link } from "../router";
 import { EVENTS, hostOf, lastAnswer, webhookState } from "./words";
@@ -35,31 +37,20 @@ export function WebhooksView() {
             </Empty>
           ) : (
             <Panel title="All webhooks">
-              <div class="scroll" tabIndex={0} role="region" aria-label="Webhooks">
-                <table>
-                  <thead>
-                    <tr>
-                      <th scope="col">Receiver</th>
-                      <th scope="col">Events</th>
-                      <th scope="col">State</th>
-                      <th scope="col">Waiting</th>
-                      <th scope="col">Last delivered</th>
-                      <th scope="col"><span class="visually-hidden">Actions</span></th>
-                    </tr>
-                  </thead>
-                  <tbody>
-                    {found.map((webhook) => (
-                      <Row key={webhook.id} webhook={webhook} onChanged={webhooks.reload} onSecret={done} />
-                    ))}
-                  </tbody>
-                </table>
-              </div>
+              <Table label="Webhooks" columns={["Receiver", "Events", "State", "Waiting", "Last delivered", ["Actions", "hidden"]]}>
+                {found.map((webhook) => (
+                  <Row key={webhook.id} webhook={webhook} onChanged={webhooks.reload} onSecret={done} />
+                ))}
+              </Table>
             </Panel>
           )
         }
       </Show>
       {creating && <CreateDialog onMade={done} onClose={() => setCreating(false)} />}
-      {secret && <SecretDialog made={secret} onClose={() => setSecret(undefined)} />}
+      {secret && (
+        <SecretDialog owner={hostOf(secret.webhook.url)} secret={secret.secret} onClose={() => setSecret(undefined)}
+          advice="The receiver verifies signatures with it, as Standard Webhooks describes." />
+      )}
     </>
   );
 }
@@ -161,25 +152,6 @@ function CreateDialog(props: { onMade: (made: NewWebhook) => void; onClose: () =
           <button type="submit" class="primary" disabled={action.busy || events.length === 0}>Create webhook</button>
         </div>
       </form>
-    </Dialog>
-  );
-}
-
-function SecretDialog({ made, onClose }: { made: NewWebhook; onClose: () => void }) {
-  const [copied, setCopied] = useState(false);
-  const copy = () => void navigator.clipboard?.writeText(made.secret).then(() => setCopied(true), () => undefined);
-  return (
-    <Dialog title={`Secret of ${hostOf(made.webhook.url)}`} onClose={onClose}>
-      <div class="stack">
-        <p class="note note-warn">This secret is shown only once. The receiver verifies signatures with it, as Standard Webhooks describes.</p>
-        <div class="secret">
-          <code>{made.secret}</code>
-          <button type="button" onClick={copy}>{copied ? "Copied" : "Copy"}</button>
-        </div>
-        <div class="form-end">
-          <button type="button" class="primary" onClick={onClose}>Done</button>
-        </div>
-      </div>
     </Dialog>
   );
 }

@@ -16,6 +16,7 @@ use palpate_commissioning::mistakes::Kind;
 use serde::Deserialize;
 
 use super::super::Context;
+use crate::numbers::numbers;
 
 /// Touches from which the server can say something, and touches between two questions to it.
 const FIRST_ASKED: usize = 8;
@@ -195,11 +196,8 @@ fn lines(path: &Path) -> anyhow::Result<Source> {
 }
 
 fn parse_pose(text: &str) -> Result<Pose, String> {
-    let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
-    let numbers = numbers.map_err(|error| format!("{error} in {text:?}"))?;
-    let [x, y, z, a, b, c, d] = numbers[..] else {
-        return Err(format!("{} numbers came, expected 7", numbers.len()));
-    };
+    let wrong = || format!("came {text:?}, expected 7 numbers: x,y,z in metres, then x,y,z,w");
+    let [x, y, z, a, b, c, d] = numbers(text).ok_or_else(wrong)?;
     Ok(Pose { position: [x, y, z], orientation: [a, b, c, d] })
 }
 

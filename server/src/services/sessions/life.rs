@@ -128,7 +128,7 @@ impl Sessions {
     ) -> Result<wire::Session, SessionError> {
         let id = self.find(id)?.id;
         let live = self.live(id).await?;
-        let told = convert::life::told_truth(asked, live.model())?;
+        let told = convert::life::reported_truth(asked, live.model())?;
         let sessions = Arc::clone(self);
         // A session is closed even if the caller has gone.
         let closing = asker::spawn_within(self.answer_timeout, async move {

@@ -1,6 +1,6 @@
 //! The watch over the open sessions: it counts those that need attention for the metrics, and
-//! forms beliefs that nobody asked for, so that no session is left unjudged and webhooks hear of
-//! each.
+//! forms beliefs that no client asked for, so that every session is judged and its webhook events
+//! are raised.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -79,7 +79,8 @@ impl Sessions {
         Ok(behind.iter().take(RECALLED_PER_LOOK).map(|one| one.session.id).collect())
     }
 
-    /// Notes for the webhooks which sessions need attention, as far as their beliefs are formed.
+    /// Queues the webhook events of sessions that began or ceased to need attention. Skips a session
+    /// whose newest belief is not formed yet.
     fn note_attention(&self, open: &[OpenSession]) {
         let notices = &self.tools.notices;
         notices.leave(|id| self.open.contains(id));

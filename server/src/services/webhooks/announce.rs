@@ -1,7 +1,8 @@
-//! Events: what was noted becomes deliveries, stored with the note that it was announced.
+//! Events: each queued notice becomes deliveries, stored in one commit with the mark that it was
+//! announced.
 //!
-//! An event's id is made from what happened, so that an event that is told again after a crash is
-//! recognised.
+//! An event's id is a hash of what happened. Announcing an event again after a crash therefore
+//! yields the same id, and the second copy is dropped.
 
 use std::collections::BTreeSet;
 
@@ -10,7 +11,7 @@ use palpate_store::error::StoreError;
 use palpate_store::webhook::{Delivery, DeliveryState, EventKind, Notice};
 use uuid::{Builder, Uuid};
 
-use super::book::{Entry, Known};
+use super::registry::{Entry, Known};
 use super::{Webhooks, count_end};
 use crate::cause::Cause;
 use crate::clock::now_ms;
@@ -19,19 +20,19 @@ use crate::wire::webhook::{body, finished_job};
 
 /// Maximum length of an event's body, bytes. Longer ones are not sent.
 const BODY_BYTES_MAX: usize = 64 << 10;
-/// Time before a start from which trainings that ended are told again. Chosen: those ended shortly
-/// before a crash, or by it.
+/// A start announces again the trainings that ended within this time before it. Chosen: covers
+/// those that ended shortly before a crash.
 const JOBS_BEFORE_MS: u64 = 3_600_000;
 
-/// Something that happened.
-struct Happened {
+/// An event before its deliveries are made.
+struct Event {
     id: Uuid,
     kind: EventKind,
     at_ms: u64,
     data: wire::WebhookEventData,
 }
 
-/// An id made from a time and from what happened then.
+/// Id of an event: its time, and a hash of what happened.
 fn event_id(kind: EventKind, at_ms: u64, subject: Uuid, what: &str) -> Uuid {
     let mut hasher = blake3::Hasher::new();
     hasher.update(subject.as_bytes()).update(format!("{kind:?} {at_ms} {what}").as_bytes());
@@ -61,14 +62,14 @@ pub(super) fn pending(
 }
 
 impl Webhooks {
-    /// Tells the ends of trainings that a crash may have kept from being told, and removes
-    /// deliveries to webhooks that do not exist any more.
-    pub(super) async fn take_up(&self) -> Result<(), Cause> {
+    /// Announces trainings whose end a crash may have left unannounced, and removes deliveries to
+    /// deleted webhooks.
+    pub(super) async fn recover(&self) -> Result<(), Cause> {
         let mut orphans = BTreeSet::new();
         self.store.deliveries().each(|delivery| {
             orphans.insert(delivery.webhook);
         })?;
-        orphans.retain(|webhook| !self.read(|book| book.0.contains_key(webhook)));
+        orphans.retain(|webhook| !self.read(|registry| registry.0.contains_key(webhook)));
         for webhook in orphans {
             self.store.deliveries().remove_all(webhook).await?;
         }
@@ -76,37 +77,37 @@ impl Webhooks {
         for job in self.store.jobs().list_whole(None, usize::MAX - 1)?.items {
             let finished = finished_job(&job).filter(|(at_ms, _)| *at_ms >= since);
             if let Some((at_ms, job)) = finished {
-                self.tell_job(at_ms, &job, true).await?;
+                self.announce_job(at_ms, &job, true).await?;
             }
         }
         Ok(())
     }
 
-    /// Stores the deliveries of all that waits; puts back what cannot be stored.
-    pub(super) async fn tell(&self, mut waiting: Waiting) -> Result<(), Cause> {
-        let told = self.tell_all(&mut waiting).await;
-        if told.is_err() {
+    /// Stores the deliveries of all queued notices; puts back those that cannot be stored.
+    pub(super) async fn announce(&self, mut waiting: Waiting) -> Result<(), Cause> {
+        let announced = self.announce_all(&mut waiting).await;
+        if announced.is_err() {
             self.notices.put_back(waiting);
         }
-        told
+        announced
     }
 
-    /// Tells one thing after another; what was told waits no more.
-    async fn tell_all(&self, waiting: &mut Waiting) -> Result<(), Cause> {
+    /// Announces one notice after another, and takes each off the queue.
+    async fn announce_all(&self, waiting: &mut Waiting) -> Result<(), Cause> {
         while let Some((session, decision)) = waiting.decisions.first_key_value() {
-            self.tell_decision(*session, decision).await?;
+            self.announce_decision(*session, decision).await?;
             waiting.decisions.pop_first();
         }
         while let Some((session, alarm)) = waiting.alarms.first_key_value() {
-            self.tell_alarm(*session, alarm).await?;
+            self.announce_alarm(*session, alarm).await?;
             waiting.alarms.pop_first();
         }
         while let Some((_, (at_ms, job))) = waiting.jobs.first_key_value() {
-            self.tell_job(*at_ms, job, false).await?;
+            self.announce_job(*at_ms, job, false).await?;
             waiting.jobs.pop_first();
         }
         while let Some((at_ms, snapshot)) = waiting.snapshots.last() {
-            self.tell_snapshot(*at_ms, snapshot).await?;
+            self.announce_snapshot(*at_ms, snapshot).await?;
             waiting.snapshots.pop();
         }
         self.store.essential().deliveries().forget(&waiting.gone).await?;
@@ -114,7 +115,7 @@ impl Webhooks {
         Ok(())
     }
 
-    async fn tell_decision(&self, session: Uuid, decision: &Decision) -> Result<(), Cause> {
+    async fn announce_decision(&self, session: Uuid, decision: &Decision) -> Result<(), Cause> {
         let Decision { at_ms, object, belief } = decision;
         let kind = match object {
             Some(_) => EventKind::SessionDecided,
@@ -126,17 +127,17 @@ impl Webhooks {
             let (session, belief) = (Some(shown), Some(belief.clone()));
             wire::WebhookEventData { session, belief, ..wire::WebhookEventData::default() }
         };
-        self.tell_session(kind, (*at_ms, &what), notice, data).await
+        self.announce_session(kind, (*at_ms, &what), notice, data).await
     }
 
-    async fn tell_alarm(&self, session: Uuid, alarm: &Alarm) -> Result<(), Cause> {
+    async fn announce_alarm(&self, session: Uuid, alarm: &Alarm) -> Result<(), Cause> {
         let Alarm { since_ms, attention } = alarm;
         let kind = EventKind::SessionNeedsAttention;
         let needs_attention = attention.is_needed;
         let notice = Notice { needs_attention, ..self.notices.announced(session) };
         if !needs_attention {
             let _changing = self.changing.lock().await;
-            if self.read(|book| book.0.values().any(|known| known.wants(kind))) {
+            if self.read(|registry| registry.0.values().any(|known| known.wants(kind))) {
                 self.store.deliveries().add(&[], &[], Some(&notice)).await?;
             }
             self.notices.set_announced(notice);
@@ -146,11 +147,11 @@ impl Webhooks {
             let (session, attention) = (Some(shown), Some(attention.clone()));
             wire::WebhookEventData { session, attention, ..wire::WebhookEventData::default() }
         };
-        self.tell_session(kind, (*since_ms, ""), notice, data).await
+        self.announce_session(kind, (*since_ms, ""), notice, data).await
     }
 
-    /// Tells an event of a session. Without a webhook that wants such events nothing is stored.
-    async fn tell_session(
+    /// Announces an event of a session. Stores nothing if no webhook wants such events.
+    async fn announce_session(
         &self,
         kind: EventKind,
         (at_ms, what): (u64, &str),
@@ -159,7 +160,7 @@ impl Webhooks {
     ) -> Result<(), Cause> {
         let session = notice.session;
         let _changing = self.changing.lock().await;
-        if !self.read(|book| book.0.values().any(|known| known.wants(kind))) {
+        if !self.read(|registry| registry.0.values().any(|known| known.wants(kind))) {
             self.notices.set_announced(notice);
             return Ok(());
         }
@@ -170,13 +171,13 @@ impl Webhooks {
             Err(error) => return Err(error),
         };
         let id = event_id(kind, at_ms, session, what);
-        let deliveries = self.made(Happened { id, kind, at_ms, data: data(shown) }, false);
+        let deliveries = self.deliveries_of(Event { id, kind, at_ms, data: data(shown) }, false);
         self.add(deliveries, Some(&notice)).await?;
         self.notices.set_announced(notice);
         Ok(())
     }
 
-    async fn tell_job(
+    async fn announce_job(
         &self,
         at_ms: u64,
         job: &wire::WebhookJob,
@@ -187,11 +188,11 @@ impl Webhooks {
         let job = Some(job.clone());
         let data = wire::WebhookEventData { job, ..wire::WebhookEventData::default() };
         let _changing = self.changing.lock().await;
-        let deliveries = self.made(Happened { id, kind, at_ms, data }, is_repeated);
+        let deliveries = self.deliveries_of(Event { id, kind, at_ms, data }, is_repeated);
         Ok(self.add(deliveries, None).await?)
     }
 
-    async fn tell_snapshot(
+    async fn announce_snapshot(
         &self,
         at_ms: u64,
         snapshot: &wire::WebhookSnapshot,
@@ -204,20 +205,21 @@ impl Webhooks {
         let data = wire::WebhookEventData { snapshot, ..wire::WebhookEventData::default() };
         let _changing = self.changing.lock().await;
         let id = Uuid::now_v7();
-        let deliveries = self.made(Happened { id, kind, at_ms, data }, false);
+        let deliveries = self.deliveries_of(Event { id, kind, at_ms, data }, false);
         Ok(self.add(deliveries, None).await?)
     }
 
-    /// The deliveries of an event to the webhooks that take it and have not got it. An event that
-    /// is told again is not for those whose history may have lost it.
-    fn made(&self, happened: Happened, is_repeated: bool) -> Vec<Delivery> {
-        let Happened { id, kind, at_ms, data } = happened;
+    /// Makes the deliveries of an event to the webhooks that take it and do not have it yet. A
+    /// repeated event skips webhooks whose history may have evicted it.
+    fn deliveries_of(&self, event: Event, is_repeated: bool) -> Vec<Delivery> {
+        let Event { id, kind, at_ms, data } = event;
         let is_new = |known: &&Known| {
             let is_known = known.entries.contains_key(&id);
-            known.takes(kind, at_ms) && !is_known && !(is_repeated && known.may_have_forgotten(id))
+            known.takes(kind, at_ms) && !is_known && !(is_repeated && known.may_have_evicted(id))
         };
-        let takers: Vec<Uuid> = self
-            .read(|book| book.0.values().filter(is_new).map(|known| known.webhook.id).collect());
+        let takers: Vec<Uuid> = self.read(|registry| {
+            registry.0.values().filter(is_new).map(|known| known.webhook.id).collect()
+        });
         if takers.is_empty() {
             return Vec::new();
         }
@@ -240,9 +242,9 @@ impl Webhooks {
         new: Vec<Delivery>,
         notice: Option<&Notice>,
     ) -> Result<(), StoreError> {
-        let surplus: Vec<(Uuid, Uuid, Entry)> = self.read(|book| {
+        let evicted: Vec<(Uuid, Uuid, Entry)> = self.read(|registry| {
             let of = |delivery: &Delivery| {
-                let (event, entry) = book.0.get(&delivery.webhook)?.surplus()?;
+                let (event, entry) = registry.0.get(&delivery.webhook)?.next_evicted()?;
                 Some((delivery.webhook, event, entry))
             };
             new.iter().filter_map(of).collect()
@@ -250,26 +252,26 @@ impl Webhooks {
         if new.is_empty() && notice.is_none() {
             return Ok(());
         }
-        let removed: Vec<_> = surplus.iter().map(|(hook, event, _)| (*hook, *event)).collect();
+        let removed: Vec<_> = evicted.iter().map(|(hook, event, _)| (*hook, *event)).collect();
         self.store.deliveries().add(&new, &removed, notice).await?;
-        self.write(|book| {
-            for (hook, event, _) in &surplus {
-                book.0.get_mut(hook).and_then(|known| known.entries.remove(event));
+        self.write(|registry| {
+            for (hook, event, _) in &evicted {
+                registry.0.get_mut(hook).and_then(|known| known.entries.remove(event));
             }
             for delivery in &new {
-                if let Some(known) = book.0.get_mut(&delivery.webhook) {
+                if let Some(known) = registry.0.get_mut(&delivery.webhook) {
                     known.entries.insert(delivery.event, Entry::of(delivery));
                 }
             }
         });
-        for (hook, event, entry) in &surplus {
+        for (hook, event, entry) in &evicted {
             if entry.is_waiting() {
                 tracing::warn!(webhook.id = %hook, event.id = %event,
                     "Event {event} left the history of webhook {hook} undelivered: newer ones came");
                 count_end("displaced");
             }
         }
-        self.news.send_replace(());
+        self.changed.send_replace(());
         Ok(())
     }
 }

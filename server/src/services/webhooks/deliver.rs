@@ -1,6 +1,6 @@
-//! The worker that tells what was noted and makes the attempts that are due.
+//! The worker: stores the deliveries of new events, and makes the attempts that are due.
 //!
-//! At most four attempts to each webhook are under way, each for at most ten seconds, so that
+//! At most four attempts to each webhook are in flight, each for at most ten seconds, so that
 //! their number is bounded and a slow receiver delays only itself.
 
 use std::sync::Arc;
@@ -17,43 +17,44 @@ use super::sender::{Message, Sent};
 use super::{GONE, Webhooks, count_end};
 use crate::clock::{self, now_ms};
 
-/// Longest time without a look at what is due: the machine's clock may be set.
+/// Longest wait between two looks at what is due, because the machine's clock may be set. Chosen.
 const LOOK_EVERY: Duration = Duration::from_secs(30);
-/// Pause after a failure of the store.
+/// Pause after a failure of the store. Chosen.
 const STORE_PAUSE: Duration = Duration::from_secs(1);
-/// Pause before another attempt whose outcome could not be stored, in milliseconds.
+/// Pause before the next attempt where the outcome of the last could not be stored, ms. Chosen.
 const UNSTORED_PAUSE_MS: u64 = 60_000;
-/// Time that attempts under way get when the server stops. They are repeated at the next start.
+/// Time for attempts in flight to end when the server stops. The next start repeats the others.
+/// Chosen: well within the patience of a stop.
 const STOP_PATIENCE: Duration = Duration::from_secs(3);
-/// Number of attempts that the history of a delivery keeps.
+/// Attempts kept in the history of a delivery. Chosen: two rounds of all retries.
 const ATTEMPTS_MAX: usize = 20;
 /// Status of a receiver that wants no more.
 const STATUS_GONE: u16 = 410;
 
 impl Webhooks {
-    /// Tells and delivers until the server stops.
+    /// Announces events and delivers them until the server stops.
     pub(crate) async fn work(self: Arc<Self>, mut stopping: watch::Receiver<bool>) {
-        if let Err(error) = self.take_up().await {
+        if let Err(error) = self.recover().await {
             tracing::error!("Cannot take up the deliveries of webhooks: {error}");
         }
         let mut sending = JoinSet::new();
-        let mut news = self.news.subscribe();
+        let mut changed = self.changed.subscribe();
         while !*stopping.borrow() {
-            news.borrow_and_update();
-            if let Err(error) = self.tell(self.notices.take()).await {
-                tracing::error!("Cannot store what webhooks are to be told: {error}");
+            changed.borrow_and_update();
+            if let Err(error) = self.announce(self.notices.take()).await {
+                tracing::error!("Cannot store the events for webhooks: {error}");
                 clock::pause(STORE_PAUSE, &mut stopping).await;
             }
-            for (webhook, event) in self.write(|book| book.begin(now_ms())) {
+            for (webhook, event) in self.write(|registry| registry.begin(now_ms())) {
                 let webhooks = Arc::clone(&self);
                 sending.spawn(async move { webhooks.attempt(webhook, event).await });
             }
-            let next = self.read(super::Book::next_at);
+            let next = self.read(super::Registry::next_at);
             let wait = next.map(|at| Duration::from_millis(at.saturating_sub(now_ms())));
             let wait = wait.map_or(LOOK_EVERY, |wait| wait.min(LOOK_EVERY));
             tokio::select! {
                 () = self.notices.wake.notified() => {}
-                _ = news.changed() => {}
+                _ = changed.changed() => {}
                 Some(_) = sending.join_next(), if !sending.is_empty() => {}
                 () = tokio::time::sleep(wait) => {}
                 _ = stopping.wait_for(|stopping| *stopping) => {}
@@ -61,25 +62,25 @@ impl Webhooks {
         }
         let ended = async { while sending.join_next().await.is_some() {} };
         if tokio::time::timeout(STOP_PATIENCE, ended).await.is_err() {
-            tracing::warn!("Attempts to deliver were still under way after {STOP_PATIENCE:?}");
+            tracing::warn!("Attempts to deliver were still in flight after {STOP_PATIENCE:?}");
         }
         sending.shutdown().await;
     }
 
-    /// Stores what is still to be told, after the last request of a server that stops.
-    pub(crate) async fn store_rest(&self) {
-        if let Err(error) = self.tell(self.notices.take()).await {
-            tracing::error!("Cannot store what webhooks are to be told: {error}");
+    /// Stores the events that are still queued, after the last request of a server that stops.
+    pub(crate) async fn announce_rest(&self) {
+        if let Err(error) = self.announce(self.notices.take()).await {
+            tracing::error!("Cannot store the events for webhooks: {error}");
         }
     }
 
     /// Updates the metrics.
     pub(crate) fn measure(&self) {
         let now = now_ms();
-        let (oldest, n_failing) = self.read(|book| {
-            let hooks = book.0.values().map(|known| &known.webhook);
+        let (oldest, n_failing) = self.read(|registry| {
+            let hooks = registry.0.values().map(|known| &known.webhook);
             let failing = hooks.filter(|it| it.is_enabled && it.failing_since_ms.is_some());
-            (book.oldest_waiting(), failing.count())
+            (registry.oldest_waiting(), failing.count())
         });
         let age_s = oldest.map_or(0.0, |at| now.saturating_sub(at) as f64 / 1000.0);
         metrics::gauge!("palpate_webhook_oldest_waiting_seconds").set(age_s);
@@ -93,9 +94,9 @@ impl Webhooks {
             tracing::error!(webhook.id = %webhook, event.id = %event,
                 "Cannot store the attempt to deliver {event} to webhook {webhook}: {error}");
         }
-        self.write(|book| {
-            let Some(known) = book.0.get_mut(&webhook) else { return };
-            known.under_way.remove(&event);
+        self.write(|registry| {
+            let Some(known) = registry.0.get_mut(&webhook) else { return };
+            known.in_flight.remove(&event);
             match (outcome, known.entries.get_mut(&event)) {
                 (Err(StoreError::Damaged { .. }), _) => {
                     known.entries.remove(&event);
@@ -106,14 +107,16 @@ impl Webhooks {
                 (Ok(()), _) | (Err(_), None) => {}
             }
         });
-        self.news.send_replace(());
+        self.changed.send_replace(());
     }
 
     async fn try_once(&self, id: Uuid, event: Uuid) -> Result<(), StoreError> {
-        let webhook = self.read(|book| book.0.get(&id).map(|known| known.webhook.clone()));
+        let webhook = self.read(|registry| registry.0.get(&id).map(|known| known.webhook.clone()));
         let delivery = self.store.deliveries().find(id, event)?;
         let (Some(webhook), Some(delivery)) = (webhook, delivery) else {
-            self.write(|book| book.0.get_mut(&id).map(|known| known.entries.remove(&event)));
+            self.write(|registry| {
+                registry.0.get_mut(&id).map(|known| known.entries.remove(&event))
+            });
             return Ok(());
         };
         let (at_ms, begun) = (now_ms(), Instant::now());
@@ -123,7 +126,8 @@ impl Webhooks {
         let _changing = self.changing.lock().await;
         // Both may have changed, or be gone.
         let Some(now) = self.store.deliveries().find(id, event)? else { return Ok(()) };
-        let is_enabled = self.read(|book| book.0.get(&id).map(|known| known.webhook.is_enabled));
+        let is_enabled =
+            self.read(|registry| registry.0.get(&id).map(|known| known.webhook.is_enabled));
         let Some(is_enabled) = is_enabled else { return Ok(()) };
         let after = self.after(now, attempt, &sent, is_enabled);
         self.record(&after, &sent).await
@@ -157,7 +161,8 @@ impl Webhooks {
     /// Stores what an attempt says about a webhook, then the delivery after it.
     async fn record(&self, after: &Delivery, sent: &Sent) -> Result<(), StoreError> {
         let id = after.webhook;
-        let failing = self.read(|book| book.0.get(&id).map(|it| it.webhook.failing_since_ms));
+        let failing =
+            self.read(|registry| registry.0.get(&id).map(|it| it.webhook.failing_since_ms));
         let Some(failing_since_ms) = failing else { return Ok(()) };
         let failed_at_ms = after.attempts.last().map(|attempt| attempt.at_ms);
         match (&sent.error, failing_since_ms) {
@@ -179,7 +184,7 @@ impl Webhooks {
         }
         self.settle(after).await?;
         count_attempt(after, sent);
-        if is_gone { self.abandon_all(id).await } else { Ok(()) }
+        if is_gone { self.abandon_waiting(id).await } else { Ok(()) }
     }
 }
 

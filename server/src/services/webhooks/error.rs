@@ -13,7 +13,7 @@ pub(crate) enum WebhookError {
     #[error("webhook {id} is disabled: enable it first")]
     Disabled { id: Uuid },
     #[error("delivery {event} is being attempted right now: wait for its outcome")]
-    UnderWay { event: Uuid },
+    InFlight { event: Uuid },
     #[error("the operating system provides no random bits")]
     NoRandom(#[from] getrandom::Error),
     #[error(transparent)]

@@ -9,8 +9,8 @@ use palpate_store::webhook::{Delivery, DeliveryState, EventKind};
 use uuid::Uuid;
 
 use super::announce::pending;
-use super::book::{Entry, Known};
 use super::error::WebhookError;
+use super::registry::{Entry, Known};
 use super::{Webhooks, count_end};
 use crate::cause::Cause;
 use crate::clock::now_ms;
@@ -28,7 +28,7 @@ impl Webhooks {
         let data = wire::WebhookEventData::default();
         let ping =
             pending(id, event, EventKind::Ping, now, || body(event, EventKind::Ping, now, data));
-        let mut news = self.news.subscribe();
+        let mut changed = self.changed.subscribe();
         {
             let _changing = self.changing.lock().await;
             self.enabled(id)?;
@@ -37,7 +37,7 @@ impl Webhooks {
         let outcome = async {
             loop {
                 let delivery = self.find(id, event)?;
-                if delivery.state != DeliveryState::Pending || news.changed().await.is_err() {
+                if delivery.state != DeliveryState::Pending || changed.changed().await.is_err() {
                     return Ok(delivery);
                 }
             }
@@ -56,8 +56,8 @@ impl Webhooks {
         query: &wire::PageQuery,
     ) -> Result<wire::WebhookDeliveryPage, Cause> {
         let (id, before, limit) = (self.id(id)?, page_id(query)?, page_length(query)?);
-        let mut events: Vec<Uuid> = self.read(|book| {
-            let entries = book.0.get(&id).map(|known| known.entries.keys().rev());
+        let mut events: Vec<Uuid> = self.read(|registry| {
+            let entries = registry.0.get(&id).map(|known| known.entries.keys().rev());
             let older = entries.into_iter().flatten().copied();
             older
                 .filter(|event| before.is_none_or(|before| *event < before))
@@ -89,9 +89,9 @@ impl Webhooks {
         let (id, event) = (self.id(id)?, event_id(event)?);
         let _changing = self.changing.lock().await;
         self.enabled(id)?;
-        let is_under_way = |known: &Known| known.under_way.contains(&event);
-        if self.read(|book| book.0.get(&id).is_some_and(is_under_way)) {
-            return Err(WebhookError::UnderWay { event });
+        let is_in_flight = |known: &Known| known.in_flight.contains(&event);
+        if self.read(|registry| registry.0.get(&id).is_some_and(is_in_flight)) {
+            return Err(WebhookError::InFlight { event });
         }
         let delivery = Delivery {
             state: DeliveryState::Pending,
@@ -104,9 +104,9 @@ impl Webhooks {
     }
 
     /// Abandons the deliveries of a webhook that wait.
-    pub(super) async fn abandon_all(&self, id: Uuid) -> Result<(), StoreError> {
-        let waiting: Vec<Uuid> = self.read(|book| {
-            let entries = book.0.get(&id).map(|known| known.entries.iter());
+    pub(super) async fn abandon_waiting(&self, id: Uuid) -> Result<(), StoreError> {
+        let waiting: Vec<Uuid> = self.read(|registry| {
+            let entries = registry.0.get(&id).map(|known| known.entries.iter());
             let entries = entries.into_iter().flatten();
             entries.filter(|(_, entry)| entry.is_waiting()).map(|(event, _)| *event).collect()
         });
@@ -122,12 +122,12 @@ impl Webhooks {
     /// Stores the state of a delivery, then applies it.
     pub(super) async fn settle(&self, delivery: &Delivery) -> Result<(), StoreError> {
         self.store.deliveries().update(delivery).await?;
-        self.write(|book| {
-            if let Some(known) = book.0.get_mut(&delivery.webhook) {
+        self.write(|registry| {
+            if let Some(known) = registry.0.get_mut(&delivery.webhook) {
                 known.entries.insert(delivery.event, Entry::of(delivery));
             }
         });
-        self.news.send_replace(());
+        self.changed.send_replace(());
         Ok(())
     }
 

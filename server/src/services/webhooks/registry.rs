@@ -1,25 +1,25 @@
-//! The webhooks and the states of their deliveries, in memory: what is due, and what gives way.
+//! Webhooks and the states of their deliveries, in memory: which are due, and which are evicted.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use palpate_store::webhook::{Delivery, DeliveryState, EventKind, Webhook};
 use uuid::Uuid;
 
-/// Number of deliveries kept of a webhook, those that wait included.
+/// Deliveries kept per webhook, waiting ones included. Chosen: bounds the disk of 32 webhooks.
 pub(super) const DELIVERIES_MAX: usize = 200;
-/// Number of attempts under way to one webhook. A slow receiver delays only itself.
+/// Attempts in flight per webhook, so that a slow receiver delays only itself. Chosen.
 const AT_ONCE: usize = 4;
 
 /// All webhooks.
 #[derive(Default)]
-pub(super) struct Book(pub(super) BTreeMap<Uuid, Known>);
+pub(super) struct Registry(pub(super) BTreeMap<Uuid, Known>);
 
 /// A webhook and its deliveries.
 pub(super) struct Known {
     pub(super) webhook: Webhook,
     /// By event.
     pub(super) entries: BTreeMap<Uuid, Entry>,
-    pub(super) under_way: BTreeSet<Uuid>,
+    pub(super) in_flight: BTreeSet<Uuid>,
 }
 
 /// What is known of a delivery without reading it.
@@ -49,7 +49,7 @@ impl Entry {
 
 impl Known {
     pub(super) fn new(webhook: Webhook) -> Self {
-        Self { webhook, entries: BTreeMap::new(), under_way: BTreeSet::new() }
+        Self { webhook, entries: BTreeMap::new(), in_flight: BTreeSet::new() }
     }
 
     /// Whether it receives an event of a time (ms since 1970).
@@ -62,30 +62,30 @@ impl Known {
         self.webhook.is_enabled && self.webhook.events.contains(&kind)
     }
 
-    /// Whether an event is older than a full history: it may have been in it.
-    pub(super) fn may_have_forgotten(&self, event: Uuid) -> bool {
+    /// Whether an event is older than everything in a full history, which may have evicted it.
+    pub(super) fn may_have_evicted(&self, event: Uuid) -> bool {
         let is_full = self.entries.len() >= DELIVERIES_MAX;
         let oldest = self.entries.keys().next().filter(|_| is_full);
         oldest.is_some_and(|oldest| event < *oldest)
     }
 
-    /// The delivery that gives way to a new one: the oldest that does not wait, else the oldest.
-    pub(super) fn surplus(&self) -> Option<(Uuid, Entry)> {
+    /// The delivery that a new one evicts: the oldest that does not wait, else the oldest.
+    pub(super) fn next_evicted(&self) -> Option<(Uuid, Entry)> {
         if self.entries.len() < DELIVERIES_MAX {
             return None;
         }
-        let idle = self.entries.iter().filter(|(event, _)| !self.under_way.contains(event));
+        let idle = self.entries.iter().filter(|(event, _)| !self.in_flight.contains(event));
         let found = idle.min_by_key(|(event, entry)| (entry.is_waiting(), **event));
         found.map(|(event, entry)| (*event, *entry))
     }
 
     /// The events whose next attempt is due, as many as may begin, oldest first.
     fn due(&self, now: u64) -> Vec<Uuid> {
-        let room = AT_ONCE.saturating_sub(self.under_way.len());
+        let room = AT_ONCE.saturating_sub(self.in_flight.len());
         let mut due: Vec<(u64, Uuid)> = self
             .entries
             .iter()
-            .filter(|(event, _)| !self.under_way.contains(event))
+            .filter(|(event, _)| !self.in_flight.contains(event))
             .filter_map(|(event, entry)| Some((entry.next_at_ms?, *event)))
             .filter(|(at, _)| *at <= now)
             .collect();
@@ -95,19 +95,19 @@ impl Known {
 
     /// Time of the next attempt that could begin.
     fn next_at(&self) -> Option<u64> {
-        let idle = self.entries.iter().filter(|(event, _)| !self.under_way.contains(event));
-        let has_room = self.under_way.len() < AT_ONCE;
+        let idle = self.entries.iter().filter(|(event, _)| !self.in_flight.contains(event));
+        let has_room = self.in_flight.len() < AT_ONCE;
         idle.filter_map(|(_, entry)| entry.next_at_ms).min().filter(|_| has_room)
     }
 }
 
-impl Book {
-    /// Marks the deliveries that are due as under way, and returns them.
+impl Registry {
+    /// Marks the deliveries that are due as in flight, and returns them.
     pub(super) fn begin(&mut self, now: u64) -> Vec<(Uuid, Uuid)> {
         let mut begun = Vec::new();
         for (id, known) in &mut self.0 {
             for event in known.due(now) {
-                known.under_way.insert(event);
+                known.in_flight.insert(event);
                 begun.push((*id, event));
             }
         }
@@ -156,14 +156,15 @@ mod tests {
     #[test]
     fn at_most_four_attempts_to_a_webhook_are_under_way() {
         let all = (1..=6).map(|event| (event, DeliveryState::Pending, Some(100 - event as u64)));
-        let mut book = Book::default();
-        book.0.insert(Uuid::from_u128(1), known(all));
-        assert_eq!(book.begin(93), []);
-        assert_eq!(book.next_at(), Some(94));
-        let begun: Vec<u128> = book.begin(200).iter().map(|(_, event)| event.as_u128()).collect();
+        let mut registry = Registry::default();
+        registry.0.insert(Uuid::from_u128(1), known(all));
+        assert_eq!(registry.begin(93), []);
+        assert_eq!(registry.next_at(), Some(94));
+        let begun: Vec<u128> =
+            registry.begin(200).iter().map(|(_, event)| event.as_u128()).collect();
         assert_eq!(begun, [6, 5, 4, 3]);
-        assert_eq!((book.begin(200), book.next_at()), (vec![], None));
-        assert_eq!(book.oldest_waiting(), Some(1));
+        assert_eq!((registry.begin(200), registry.next_at()), (vec![], None));
+        assert_eq!(registry.oldest_waiting(), Some(1));
     }
 
     #[test]
@@ -174,11 +175,11 @@ mod tests {
         };
         let all = (1..=DELIVERIES_MAX as u128).map(|event| (event, state(event), None));
         let mut full = known(all);
-        assert_eq!(full.surplus().unwrap().0, Uuid::from_u128(2));
-        assert!(full.may_have_forgotten(Uuid::from_u128(0)));
-        assert!(!full.may_have_forgotten(Uuid::from_u128(1000)));
+        assert_eq!(full.next_evicted().unwrap().0, Uuid::from_u128(2));
+        assert!(full.may_have_evicted(Uuid::from_u128(0)));
+        assert!(!full.may_have_evicted(Uuid::from_u128(1000)));
         full.entries.remove(&Uuid::from_u128(9));
-        assert!(full.surplus().is_none() && !full.may_have_forgotten(Uuid::from_u128(0)));
+        assert!(full.next_evicted().is_none() && !full.may_have_evicted(Uuid::from_u128(0)));
     }
 
     #[test]
