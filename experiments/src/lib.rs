@@ -4,6 +4,7 @@
 //! [`report::Outcome`]; the program `palpate-experiments` writes it to files and [`record`]s its
 //! figures. Poses, noise and readings of a trial come from streams that training never uses.
 
+mod cpu_time;
 pub mod disturbance;
 pub mod letter_presses;
 mod own_server;
@@ -15,8 +16,6 @@ pub mod consistency;
 pub mod coverage;
 pub mod record;
 pub mod sensing;
-pub mod server_throughput;
-pub mod restart;
 pub mod stated;
 pub mod statistics;
 pub mod played;
@@ -26,6 +25,8 @@ pub mod controllers;
 pub mod covering;
 pub mod letters_geometric;
 pub mod object_sessions;
+pub mod server_throughput;
+pub mod restart;
 pub mod next_touch;
 pub mod object_trials;
 pub mod appearance_rules;

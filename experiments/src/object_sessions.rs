@@ -29,6 +29,7 @@ use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::{SurfaceConfig, learn_space, map_surface};
 use rayon::prelude::*;
 
+use crate::cpu_time::thread_seconds;
 use crate::disturbance::{Disturbance, Presented};
 use crate::played::{Played, PoseError, Step};
 use crate::report::Progress;
@@ -322,11 +323,4 @@ impl Sessions<'_> {
         }
         Ok(steps)
     }
-}
-
-/// Processor time of this thread, seconds; Linux only. It excludes other programs.
-fn thread_seconds() -> Option<f64> {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
-    let nanoseconds: f64 = text.split_whitespace().next()?.parse().ok()?;
-    Some(nanoseconds * 1e-9)
 }

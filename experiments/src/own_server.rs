@@ -31,6 +31,11 @@ impl OwnServer {
         Ok((Self { folder, server, client }, begun.elapsed().as_secs_f64()))
     }
 
+    /// Its address, as clients need it.
+    pub(crate) fn address(&self) -> String {
+        format!("http://{}", self.server.local_addr())
+    }
+
     /// Stops it and removes its folder.
     pub(crate) async fn stop(self) {
         self.server.shutdown().await;

@@ -4,11 +4,16 @@
 //! touch objects, each in a session of its own, and post the next reading when the belief after
 //! the last one has come (closed loop). Batches of 32 stand beside single readings. A session
 //! ends after ten readings (single) or one batch, and the next begins. Client and server share
-//! the machine.
+//! the machine. Then the same robots post in an open loop at 60 % of the largest rate, and the
+//! processor time of a reading stands beside that of an echo and of the recogniser.
+
+mod echo;
+mod cost;
 
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
+use anyhow::Context as _;
 use clap::Args;
 use hdrhistogram::Histogram;
 use palpate_client::Client;
@@ -16,8 +21,8 @@ use palpate_core::pose::Pose;
 use palpate_core::reading as core_reading;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
-use palpate_load::SENSOR;
 use palpate_load::wire::on_the_wire;
+use palpate_load::{Arrivals, LoadConfig, MemorySource, Mix, SENSOR, Touches};
 use palpate_schemas::{AddReadings, BeliefDetail, CreateSession, Reading, ReadingsQuery};
 use palpate_sim::plot::{Line, Panel, svg};
 use palpate_sim::shapes;
@@ -33,6 +38,8 @@ pub(crate) const CATALOGUE: &str = "throughput";
 /// Readings of a session before the robot moves to the next object.
 const READINGS_PER_SESSION: usize = 10;
 const BATCH: usize = 32;
+/// Duration of the open loop.
+const OPEN_LOOP: Duration = Duration::from_secs(10);
 
 /// Arguments of `server-throughput`.
 #[derive(Args, Clone, Debug, Serialize)]
@@ -53,6 +60,15 @@ pub struct ServerThroughput {
 struct Setting {
     robots: usize,
     batch: usize,
+    belief: BeliefDetail,
+}
+
+/// What robots posted.
+struct Posted {
+    posted: usize,
+    seconds: f64,
+    /// Latencies of requests with readings, microseconds.
+    latency: Histogram<u64>,
 }
 
 /// Runs the experiment against a server of its own.
@@ -62,7 +78,7 @@ struct Setting {
 pub fn run(config: &ServerThroughput, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     block_on(async {
         let server = OwnServer::start().await?;
-        let outcome = run_against(config, &server.client, progress).await;
+        let outcome = run_against(config, &server, progress).await;
         server.stop().await;
         outcome
     })
@@ -80,19 +96,25 @@ struct Throughput {
 
 async fn run_against(
     config: &ServerThroughput,
-    client: &Client,
+    server: &OwnServer,
     progress: Progress<'_>,
 ) -> anyhow::Result<Outcome> {
+    let client = &server.client;
     let mut report = Report::default();
     let readings = Arc::new(prepare(config, client, progress).await?);
-    let mut lines = Vec::new();
+    let (mut lines, mut peak) = (Vec::new(), 0.0_f64);
     for (name, batch) in [("single readings", 1), ("batches of 32", BATCH)] {
         let mut points = Vec::new();
         for robots in [1, 8, 64] {
             progress(name, robots, 64);
-            let setting = Setting { robots, batch };
+            let setting = Setting { robots, batch, belief: BeliefDetail::Full };
             let n = if robots == 1 { config.readings / 4 } else { config.readings };
-            let (rate, latency) = measure(client, &readings, setting, n).await?;
+            let Posted { posted, seconds, latency } =
+                measure(client, &readings, setting, n).await?;
+            let rate = posted as f64 / seconds;
+            if batch == 1 {
+                peak = peak.max(rate);
+            }
             let ms = |quantile: f64| latency.value_at_quantile(quantile) as f64 / 1e3;
             report.row(Throughput {
                 sessions: robots,
@@ -110,6 +132,9 @@ async fn run_against(
         }
         lines.push(Line { name: name.to_owned(), points });
     }
+    progress("60 % of the peak", 0, 1);
+    report.summarise("p99_ms_at_60_percent", p99_at(client, 0.6 * peak, &readings, config).await?);
+    cost::report(config, server, &readings, &mut report, progress).await?;
     let panel = Panel {
         title: "readings through the whole service".to_owned(),
         x: "concurrent sessions".to_owned(),
@@ -133,13 +158,43 @@ pub(crate) async fn prepare(
     touched.collect()
 }
 
-/// Posts about `n` readings; returns readings per second and the latencies in microseconds.
+/// Latency that 99 % of requests do not exceed when `rate` readings a second are due, milliseconds.
+async fn p99_at(
+    client: &Client,
+    rate: f64,
+    readings: &[Vec<core_reading::Reading>],
+    config: &ServerThroughput,
+) -> anyhow::Result<f64> {
+    let load = LoadConfig {
+        seed: config.seed,
+        catalogue: CATALOGUE.to_owned(),
+        method: None,
+        belief: BeliefDetail::Full,
+        rates: vec![rate],
+        arrivals: Arrivals::Poisson,
+        duration: OPEN_LOOP,
+        warmup: OPEN_LOOP / 5,
+        soak: None,
+        sessions: 64,
+        readings_per_session: READINGS_PER_SESSION as u32,
+        mix: Mix { readings: 1.0, beliefs: 0.0, next_touches: 0.0 },
+        in_flight_max: 1_024,
+        polite: false,
+    };
+    let touches = Touches::new(readings.to_vec())?;
+    let measured =
+        palpate_load::run(&load, client, touches, &MemorySource::Metrics, |_| ()).await?;
+    let step = measured.steps.first().context("one rate, one step")?;
+    Ok(step.accepted_latency.as_ref().context("some requests are accepted")?.p99_ms)
+}
+
+/// Posts about `n` readings in a closed loop.
 async fn measure(
     client: &Client,
     readings: &Arc<Vec<Vec<core_reading::Reading>>>,
     setting: Setting,
     n: usize,
-) -> anyhow::Result<(f64, Histogram<u64>)> {
+) -> anyhow::Result<Posted> {
     let per_session = READINGS_PER_SESSION.max(setting.batch);
     let sessions_per_robot = n.div_ceil(setting.robots * per_session).max(1);
     let started = Instant::now();
@@ -147,7 +202,7 @@ async fn measure(
         .map(|robot| {
             let (client, readings) = (client.clone(), readings.clone());
             tokio::spawn(async move {
-                work(&client, &readings, robot, setting.batch, sessions_per_robot).await
+                work(&client, &readings, robot, setting, sessions_per_robot).await
             })
         })
         .collect();
@@ -158,7 +213,7 @@ async fn measure(
         all.add(latency)?;
         posted += count;
     }
-    Ok((posted as f64 / started.elapsed().as_secs_f64(), all))
+    Ok(Posted { posted, seconds: started.elapsed().as_secs_f64(), latency: all })
 }
 
 /// One robot: session after session, each with an object in a pose of its own.
@@ -166,7 +221,7 @@ async fn work(
     client: &Client,
     readings: &[Vec<core_reading::Reading>],
     robot: usize,
-    batch: usize,
+    Setting { batch, belief, .. }: Setting,
     sessions: usize,
 ) -> anyhow::Result<(Histogram<u64>, usize)> {
     let mut latency = Histogram::new(3)?;
@@ -189,7 +244,7 @@ async fn work(
                     })
                     .collect(),
             };
-            let query = ReadingsQuery { belief: Some(BeliefDetail::Full) };
+            let query = ReadingsQuery { belief: Some(belief) };
             let begun = Instant::now();
             let added = client.add_readings(session, &body, query).await?;
             latency.record(begun.elapsed().as_micros() as u64)?;

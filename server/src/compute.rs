@@ -1,20 +1,24 @@
 //! The compute threads, behind a queue with a fixed number of slots.
 //!
-//! There are two kinds, each with as many threads as the operator permits. Short work takes
-//! milliseconds, and a robot waits for it. Long work, such as lists, drawings, explanations and
-//! filters with a hundred thousand particles, has its own threads with a lower priority: under
-//! any load a robot waits only for other robots, and on an idle machine long work is as fast.
-//! Parts of one piece of work (`rayon` in core) run on the same threads, never on a pool of the
-//! whole process. Each thread has one that waits for it, so that no more pieces are started than
-//! threads compute. Async threads only wait. A computation takes a [`Place`] before
-//! anything is stored; if there is none, the request gets 503 and can be repeated. Work whose
-//! asker has gone (`asker`) is not started. A panic in one piece ends that piece only.
+//! There are three kinds, each with as many threads as the operator permits, and each after the
+//! first with a lower priority. Readings take a millisecond. Questions, such as where to touch next,
+//! take tens of them: a reading never waits for one. Long work, such as lists, drawings,
+//! explanations and filters with a hundred thousand particles, comes last: under any load a robot
+//! waits only for other robots, and on an idle machine every kind is as fast.
+//!
+//! A piece that is alone in its kind is shared out to all threads (`rayon` in core). Small pieces
+//! stay on one thread, and so do all once as many are at work as there are threads: to share costs
+//! processor time, to wake threads and to let them look for parts. Parts never run on a pool of the whole process, and no more pieces are started
+//! than threads compute. Async threads only wait. A computation takes a [`Place`] before anything
+//! is stored; if there is none, the request gets 503 and can be repeated. Work whose asker has
+//! gone (`asker`) is not started. A panic in one piece ends that piece only.
 
 mod queue;
 
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -23,18 +27,18 @@ use thiserror::Error;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
 
 use crate::asker::Asker;
-use queue::Queue;
+use queue::{Piece, Queue};
 
-/// Time without progress after which waiting short work makes the server not ready. Chosen: a
+/// Time without progress after which waiting readings or questions make the server not ready. Chosen: a
 /// piece takes milliseconds, the slowest seconds.
 const STALLED_AFTER: Duration = Duration::from_secs(30);
 /// The same for long work. Chosen: beyond the time limit of any answer.
 const LONG_STALLED_AFTER: Duration = Duration::from_secs(180);
 
-/// Increment of the nice value of the threads for long work (Linux only). Chosen: at 10 a
-/// thread gets a tenth of a core that a thread for short work needs too, so long work still
-/// ends on a busy server.
-#[cfg(target_os = "linux")]
+/// Increment of the nice value of the threads for questions (Linux only). Chosen: at 5 a thread
+/// gets a quarter of a core that a thread for readings needs too.
+const QUESTION_NICE: i32 = 5;
+/// The same for long work. Chosen: at 10 it gets a tenth, so long work still ends on a busy server.
 const LONG_NICE: i32 = 10;
 
 /// The compute threads, and the slots of the queue before them.
@@ -45,24 +49,37 @@ pub(crate) struct Pool {
     n_places: usize,
 }
 
-/// Whether a robot waits for a piece of work.
+/// How urgently a piece of work is waited for, the most urgent first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Length {
-    /// A robot waits.
-    Short,
-    /// It yields to short work.
+pub(crate) enum Urgency {
+    /// A robot waits for the belief after a reading.
+    Reading,
+    /// A robot waits for the answer to a question that takes longer.
+    Question,
+    /// It yields to all other work.
     Long,
+}
+
+/// How much work a piece is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Size {
+    /// Less than a millisecond.
+    Small,
+    /// More, or unknown.
+    Large,
 }
 
 /// The queues, closed when no more work can come.
 struct Open {
-    short: Arc<Queue>,
+    readings: Arc<Queue>,
+    questions: Arc<Queue>,
     long: Arc<Queue>,
 }
 
 impl Drop for Open {
     fn drop(&mut self) {
-        self.short.close();
+        self.readings.close();
+        self.questions.close();
         self.long.close();
     }
 }
@@ -98,8 +115,9 @@ impl Pool {
     pub(crate) fn start(threads: usize, queue_max: usize) -> io::Result<Self> {
         let threads = threads.max(1);
         let open = Arc::new(Open {
-            short: compute(threads, Length::Short)?,
-            long: compute(threads, Length::Long)?,
+            readings: compute(threads, Urgency::Reading)?,
+            questions: compute(threads, Urgency::Question)?,
+            long: compute(threads, Urgency::Long)?,
         });
         let n_places = threads + queue_max;
         Ok(Self { places: Arc::new(Semaphore::new(n_places)), open, n_places })
@@ -133,7 +151,9 @@ impl Pool {
     /// Whether work waits and no thread has taken any for a while: all are busy with endless
     /// pieces.
     pub(crate) fn is_stalled(&self) -> bool {
-        self.open.short.stalled() >= STALLED_AFTER || self.open.long.stalled() >= LONG_STALLED_AFTER
+        let Open { readings, questions, long } = &*self.open;
+        readings.stalled().max(questions.stalled()) >= STALLED_AFTER
+            || long.stalled() >= LONG_STALLED_AFTER
     }
 }
 
@@ -147,10 +167,10 @@ impl Place {
         self,
         work: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, ComputeError> {
-        self.run_as(Length::Short, work).await
+        self.run_as((Urgency::Reading, Size::Large), work).await
     }
 
-    /// Like [`Place::run`], for long work, which yields to short work.
+    /// Like [`Place::run`], for long work, which yields to all other work.
     ///
     /// # Errors
     /// As [`Place::run`].
@@ -158,16 +178,16 @@ impl Place {
         self,
         work: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, ComputeError> {
-        self.run_as(Length::Long, work).await
+        self.run_as((Urgency::Long, Size::Large), work).await
     }
 
-    /// Like [`Place::run`], for work of either length.
+    /// Like [`Place::run`], for work of any urgency and size.
     ///
     /// # Errors
     /// As [`Place::run`].
     pub(crate) async fn run_as<T: Send + 'static>(
         self,
-        length: Length,
+        (urgency, size): (Urgency, Size),
         work: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, ComputeError> {
         let (answer, answered) = oneshot::channel();
@@ -183,9 +203,11 @@ impl Place {
             // The receiver is gone if the robot has left.
             let _ = answer.send(outcome);
         });
-        match length {
-            Length::Short => open.short.push(client, work),
-            Length::Long => open.long.push(client, work),
+        let piece = Piece { size, work };
+        match urgency {
+            Urgency::Reading => open.readings.push(client, piece),
+            Urgency::Question => open.questions.push(client, piece),
+            Urgency::Long => open.long.push(client, piece),
         }
         drop(open);
         answered.await.unwrap_or(Err(ComputeError::Panicked))
@@ -193,23 +215,39 @@ impl Place {
 }
 
 /// Starts threads that take work from the queue.
-fn compute(threads: usize, length: Length) -> io::Result<Arc<Queue>> {
-    let name = match length {
-        Length::Short => "compute",
-        Length::Long => "compute-long",
+fn compute(threads: usize, urgency: Urgency) -> io::Result<Arc<Queue>> {
+    let name = match urgency {
+        Urgency::Reading => "compute",
+        Urgency::Question => "compute-question",
+        Urgency::Long => "compute-long",
     };
-    let computing = rayon::ThreadPoolBuilder::new()
+    let sharing = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
-        .thread_name(move |thread| format!("{name}-{thread}"))
-        .start_handler(move |_| give_way(length))
+        .thread_name(move |thread| format!("{name}-share-{thread}"))
+        .start_handler(move |_| give_way(urgency))
         .build()
         .map_err(io::Error::other)?;
-    let (queue, computing) = (Arc::new(Queue::new()), Arc::new(computing));
+    let (queue, sharing) = (Arc::new(Queue::new()), Arc::new(sharing));
+    let at_work = Arc::new(AtomicUsize::new(0));
     for thread in 0..threads {
-        let (queue, computing) = (Arc::clone(&queue), Arc::clone(&computing));
-        thread::Builder::new().name(format!("{name}-wait-{thread}")).spawn(move || {
-            while let Some(work) = queue.take() {
-                computing.install(work);
+        let (queue, sharing, at_work) = (queue.clone(), sharing.clone(), at_work.clone());
+        thread::Builder::new().name(format!("{name}-{thread}")).spawn(move || {
+            give_way(urgency);
+            // With itself as its only thread, what the work would share out stays here.
+            let alone = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build();
+            if let Err(error) = &alone {
+                tracing::warn!(%error, "A compute thread always shares its work: {error}");
+            }
+            while let Some(Piece { size, work }) = queue.take() {
+                let n_at_work = at_work.fetch_add(1, Ordering::Relaxed) + 1;
+                // Long work goes on after the piece beside it has ended.
+                let gains = n_at_work < threads || urgency == Urgency::Long;
+                if alone.is_ok() && (size == Size::Small || !gains) {
+                    work();
+                } else {
+                    sharing.install(work);
+                }
+                at_work.fetch_sub(1, Ordering::Relaxed);
             }
         })?;
     }
@@ -217,18 +255,23 @@ fn compute(threads: usize, length: Length) -> io::Result<Arc<Queue>> {
 }
 
 /// Sets the priority of this thread.
-fn give_way(length: Length) {
+fn give_way(urgency: Urgency) {
     // On other systems a priority is that of the whole process.
     #[cfg(target_os = "linux")]
-    if length == Length::Long {
+    {
         use rustix::process::{getpriority_process, setpriority_process};
-        let nicer = getpriority_process(None).map(|nice| (nice + LONG_NICE).min(19));
+        let more = match urgency {
+            Urgency::Reading => return,
+            Urgency::Question => QUESTION_NICE,
+            Urgency::Long => LONG_NICE,
+        };
+        let nicer = getpriority_process(None).map(|nice| (nice + more).min(19));
         if let Err(error) = nicer.and_then(|nicer| setpriority_process(None, nicer)) {
-            tracing::warn!(%error, "Long work cannot give way to short: {error}");
+            tracing::warn!(%error, "Less urgent work cannot give way: {error}");
         }
     }
     #[cfg(not(target_os = "linux"))]
-    let _ = length;
+    let _ = (urgency, QUESTION_NICE, LONG_NICE);
 }
 
 fn outcome<T>(work: impl FnOnce() -> T) -> Result<T, ComputeError> {
@@ -264,10 +307,30 @@ mod tests {
         let name = |_| thread::current().name().unwrap_or_default().to_owned();
         let work = move || (0..1000).into_par_iter().map(name).collect::<BTreeSet<String>>();
         let names = pool.place().unwrap().run(work).await.unwrap();
-        assert!(
-            names.iter().all(|name| ["compute-0", "compute-1"].contains(&&**name)),
-            "{names:?}"
-        );
+        let own = ["compute-share-0", "compute-share-1"];
+        assert!(names.iter().all(|name| own.contains(&&**name)), "{names:?}");
+    }
+
+    #[tokio::test]
+    async fn work_stays_on_one_thread_while_all_are_busy() {
+        let pool = Pool::start(2, 2).unwrap();
+        let (begun, has_begun) = std::sync::mpsc::channel();
+        let (release, released) = std::sync::mpsc::channel::<()>();
+        let other = tokio::spawn(pool.place().unwrap().run(move || {
+            begun.send(()).unwrap();
+            released.recv()
+        }));
+        tokio::task::spawn_blocking(move || has_begun.recv()).await.unwrap().unwrap();
+        let name = |_| thread::current().name().unwrap_or_default().to_owned();
+        let work = move || (0..1000).into_par_iter().map(name).collect::<BTreeSet<String>>();
+        let names = pool.place().unwrap().run(work).await.unwrap();
+        let small = (Urgency::Reading, Size::Small);
+        let alone = Pool::start(2, 0).unwrap().place().unwrap().run_as(small, work).await.unwrap();
+        assert_eq!(alone.len(), 1, "small work stays on one thread of an idle pool");
+        release.send(()).unwrap();
+        assert_eq!(other.await.unwrap(), Ok(Ok(())));
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        assert!(matches!(names[..], ["compute-0"] | ["compute-1"]), "{names:?}");
     }
 
     #[tokio::test]
@@ -311,20 +374,35 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn short_work_does_not_wait_for_long_work() {
+    async fn urgent_work_does_not_wait_for_other_work() {
         let pool = Pool::start(1, 4).unwrap();
-        let (release, released) = std::sync::mpsc::channel::<()>();
-        let waiting = tokio::spawn(pool.place().unwrap().run_long(move || released.recv()));
-        let short = tokio::time::timeout(Duration::from_secs(10), pool.place().unwrap().run(|| 7));
-        assert_eq!(short.await.expect("every thread of short work is free"), Ok(7));
-        release.send(()).unwrap();
-        assert_eq!(waiting.await.unwrap(), Ok(Ok(())));
+        let patience = Duration::from_secs(10);
+        let mut waiting = Vec::new();
+        for (busy, urgent) in
+            [(Urgency::Long, Urgency::Question), (Urgency::Question, Urgency::Reading)]
+        {
+            let (release, released) = std::sync::mpsc::channel::<()>();
+            let work = move || released.recv();
+            waiting.push((
+                release,
+                tokio::spawn(pool.place().unwrap().run_as((busy, Size::Large), work)),
+            ));
+            let answer = pool.place().unwrap().run_as((urgent, Size::Large), || 7);
+            let answer = tokio::time::timeout(patience, answer).await;
+            assert_eq!(answer.expect("every thread of urgent work is free"), Ok(7));
+        }
+        for (release, waiting) in waiting {
+            release.send(()).unwrap();
+            assert_eq!(waiting.await.unwrap(), Ok(Ok(())));
+        }
         #[cfg(target_os = "linux")]
         {
             let nice = || rustix::process::getpriority_process(None).unwrap();
-            let short = pool.place().unwrap().run(nice).await.unwrap();
-            let long = pool.place().unwrap().run_long(nice).await.unwrap();
-            assert_eq!(long, (short + LONG_NICE).min(19));
+            let at = |urgency| pool.place().unwrap().run_as((urgency, Size::Small), nice);
+            let urgent = at(Urgency::Reading).await.unwrap();
+            let question = at(Urgency::Question).await.unwrap();
+            assert_eq!(question, (urgent + QUESTION_NICE).min(19));
+            assert_eq!(at(Urgency::Long).await.unwrap(), (urgent + LONG_NICE).min(19));
         }
     }
 

@@ -21,6 +21,7 @@ mod merging;
 mod opening;
 mod room;
 mod tally;
+mod gathered;
 mod writer;
 
 use std::collections::BTreeMap;

@@ -6,10 +6,14 @@ use std::collections::{HashMap, VecDeque};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use super::Size;
 use crate::client::Client;
 
 /// A piece of work.
-pub(super) type Work = Box<dyn FnOnce() + Send>;
+pub(super) struct Piece {
+    pub(super) size: Size,
+    pub(super) work: Box<dyn FnOnce() + Send>,
+}
 
 /// Waiting work.
 pub(super) struct Queue {
@@ -21,23 +25,23 @@ pub(super) struct Queue {
 struct State {
     /// The clients with work, the next one first.
     turns: VecDeque<Option<Client>>,
-    work: HashMap<Option<Client>, VecDeque<Work>>,
+    work: HashMap<Option<Client>, VecDeque<Piece>>,
     /// Time at which the last piece started while others waited, or the first of these arrived.
     waiting_since: Option<Instant>,
     is_closed: bool,
 }
 
 impl State {
-    fn push(&mut self, client: Option<Client>, work: Work) {
+    fn push(&mut self, client: Option<Client>, piece: Piece) {
         self.waiting_since.get_or_insert_with(Instant::now);
         let own = self.work.entry(client).or_default();
         if own.is_empty() {
             self.turns.push_back(client);
         }
-        own.push_back(work);
+        own.push_back(piece);
     }
 
-    fn pop(&mut self) -> Option<Work> {
+    fn pop(&mut self) -> Option<Piece> {
         let client = self.turns.pop_front()?;
         let own = self.work.get_mut(&client)?;
         let next = own.pop_front();
@@ -60,13 +64,13 @@ impl Queue {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(super) fn push(&self, client: Option<Client>, work: Work) {
-        self.lock().push(client, work);
+    pub(super) fn push(&self, client: Option<Client>, piece: Piece) {
+        self.lock().push(client, piece);
         self.came.notify_one();
     }
 
     /// Waits for the next piece; `None` when the queue is closed and empty.
-    pub(super) fn take(&self) -> Option<Work> {
+    pub(super) fn take(&self) -> Option<Piece> {
         let mut state = self.lock();
         loop {
             if let Some(work) = state.pop() {
@@ -97,17 +101,21 @@ mod tests {
 
     use super::*;
 
+    fn piece(work: impl FnOnce() + Send + 'static) -> Piece {
+        Piece { size: Size::Small, work: Box::new(work) }
+    }
+
     #[test]
     fn clients_take_turns() {
         let (queue, done) = (Queue::new(), Arc::new(Mutex::new(Vec::new())));
         for (client, name) in [(1, "a1"), (1, "a2"), (1, "a3"), (2, "b1")] {
             let done = Arc::clone(&done);
             let client = Some(Client::at([10, 0, 0, client].into()));
-            queue.push(client, Box::new(move || done.lock().unwrap().push(name)));
+            queue.push(client, piece(move || done.lock().unwrap().push(name)));
         }
         queue.close();
-        while let Some(work) = queue.take() {
-            work();
+        while let Some(piece) = queue.take() {
+            (piece.work)();
         }
         assert_eq!(*done.lock().unwrap(), ["a1", "b1", "a2", "a3"]);
     }
@@ -116,7 +124,7 @@ mod tests {
     fn stalled_work_is_detected() {
         let queue = Queue::new();
         assert_eq!(queue.stalled(), Duration::ZERO);
-        queue.push(None, Box::new(|| ()));
+        queue.push(None, piece(|| ()));
         std::thread::sleep(Duration::from_millis(20));
         assert!(queue.stalled() >= Duration::from_millis(20));
         assert!(queue.take().is_some());

@@ -20,7 +20,7 @@ use super::{Live, LiveError, POSES, answer};
 use crate::asker::Asker;
 use crate::cause::Cause;
 use crate::clock::now_ms;
-use crate::compute::Place;
+use crate::compute::{Place, Urgency};
 use crate::repeats::new_readings;
 use crate::wire::belief::top;
 use crate::wire::count;
@@ -230,7 +230,8 @@ impl Live {
         place: Place,
         length: u64,
     ) -> Result<wire::Belief, LiveError> {
-        let answer = self.ask(state, self.folding(handed), place, length, answer(POSES)).await?;
+        let (folding, place) = (self.folding(handed), (place, Urgency::Reading));
+        let answer = self.ask(state, folding, place, length, answer(POSES)).await?;
         let belief = self.shown(length, &answer);
         state.remember(&belief);
         self.tools.traces.note(self.session.id, [Point::of(&belief, now)]);

@@ -16,7 +16,7 @@ use super::{Live, LiveError, POSES, answer};
 use crate::asker::Asker;
 use crate::cause::Cause;
 use crate::clock::now_ms;
-use crate::compute::Place;
+use crate::compute::{Place, Urgency};
 use crate::wire::belief::knows_symmetry;
 use crate::wire::life::ReportedTruth;
 use crate::wire::next_touch::{Question, next_touches};
@@ -78,7 +78,7 @@ impl Live {
             let mut is_late = || begun.elapsed() >= question.deadline || asker.is_gone();
             (belief.next_touches(&question, &mut is_late), question)
         };
-        let folding = self.folding(Vec::new());
+        let (folding, place) = (self.folding(Vec::new()), (place, Urgency::Question));
         let (ranking, question) = self.ask(&mut state, folding, place, length, ask).await?;
         let ranking = ranking.ok_or(LiveError::NoTouch { session })?;
         Ok(next_touches(session, length, &ranking, &question))
@@ -90,7 +90,7 @@ impl Live {
         let mut state = self.turns.insist().await;
         let length = self.length()?;
         let place = self.tools.pool.place()?;
-        let folding = self.folding(Vec::new());
+        let (folding, place) = (self.folding(Vec::new()), (place, Urgency::Reading));
         let poses = told.session_from_object.map_or(0, |_| POSES);
         let answer = self.ask(&mut state, folding, place, length, answer(poses)).await?;
         let probability = match truth {
@@ -130,7 +130,7 @@ impl Live {
     pub(crate) async fn concluded(&self, place: Place) -> Result<Answer, LiveError> {
         let mut state = self.turns.insist().await;
         let length = self.length()?;
-        let folding = self.folding(Vec::new());
+        let (folding, place) = (self.folding(Vec::new()), (place, Urgency::Question));
         self.ask(&mut state, folding, place, length, answer(POSES)).await
     }
 
@@ -206,7 +206,7 @@ impl Live {
             return Ok(None);
         }
         let place = self.tools.pool.place()?;
-        let folding = self.folding(Vec::new());
+        let (folding, place) = (self.folding(Vec::new()), (place, Urgency::Reading));
         Ok(Some((length, self.ask(&mut state, folding, place, length, question).await?)))
     }
 

@@ -1,7 +1,7 @@
 //! The single writing thread.
 //!
-//! It drains the queue of commits, applies each with the tally as one batch, makes them
-//! durable together, moves the mark, then answers them.
+//! It drains the queue of commits, checks each against those before it, applies them with the tally
+//! as one batch, makes them durable together, moves the mark, then answers them.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -14,18 +14,23 @@ use futures::channel::oneshot;
 
 use super::compaction::Compaction;
 use super::cut::Memory;
+use super::gathered::Gathered;
 use super::levels::Levels;
 use super::mark::Mark;
 use super::room::{Allowance, Room};
 use super::tally::{TALLY_KEY, Tally};
 use super::{Shared, guarded};
-use crate::engine::{Commit, CommitError, Compacted, EngineError, Expected};
+use crate::engine::{COMMIT_WRITES_MAX, Commit, CommitError, Compacted, EngineError, Expected};
 use crate::holding::Bill;
 
 /// Maximum number of orders that share one flush.
 const GROUP_MAX: usize = 1024;
 /// Time without an order after which the mark is synced.
 const IDLE: Duration = Duration::from_secs(1);
+
+/// Time for which a writer under load collects orders before it writes. Chosen: a flush takes
+/// 0.4 ms of processor time however much it holds, and robots do not notice this wait.
+const GATHERING: Duration = Duration::from_millis(2);
 
 /// Interval at which the writer advances a compaction in progress.
 const ADVANCE_INTERVAL: Duration = Duration::from_millis(20);
@@ -65,6 +70,8 @@ pub(super) struct Writer {
 
 impl Writer {
     pub(super) fn run(&mut self, orders: &Receiver<Order>) {
+        // More than one order came during the last flush.
+        let mut is_busy = false;
         loop {
             self.advance_compaction();
             let is_idle = self.compaction.is_idle();
@@ -78,8 +85,13 @@ impl Writer {
                 }
                 Err(RecvTimeoutError::Disconnected) => break,
             };
+            if is_busy {
+                // Asleep, so that senders need not wake this thread one by one.
+                std::thread::sleep(GATHERING);
+            }
             let rest = std::iter::from_fn(|| orders.try_recv().ok());
             let group: Vec<_> = std::iter::once(first).chain(rest.take(GROUP_MAX - 1)).collect();
+            is_busy = group.len() > 1;
             self.do_group(group);
         }
         self.sync_mark();
@@ -88,20 +100,26 @@ impl Writer {
 
     fn do_group(&mut self, group: Vec<Order>) {
         let mut allowance = self.room.allowance();
-        let (mut applied, mut cuts) = (Vec::with_capacity(group.len()), Vec::new());
+        let (mut checked, mut cuts) = (Vec::with_capacity(group.len()), Vec::new());
+        let (mut gathered, mut written) = (self.gathered(), Ok(()));
         for order in group {
             match order {
                 Order::Commit(commit, answer) => {
-                    applied.push((self.apply(commit, &mut allowance), answer));
+                    if gathered.writes.len() + commit.writes.len() > COMMIT_WRITES_MAX {
+                        written = written.and(self.write(gathered));
+                        gathered = self.gathered();
+                    }
+                    checked.push((self.check(commit, &mut allowance, &mut gathered), answer));
                 }
                 Order::Cut(answer) => cuts.push(answer),
                 Order::Compact(answer) => self.compaction.request(answer),
             }
         }
-        let written = applied.iter().filter(|(result, _)| result.is_ok()).count();
-        let flushed = if written > 0 { self.flush() } else { Ok(()) };
-        self.shared.commits.fetch_add(written as u64, Ordering::Relaxed);
-        for (result, answer) in applied {
+        let applied = checked.iter().filter(|(result, _)| result.is_ok()).count();
+        let written = written.and(if applied > 0 { self.write(gathered) } else { Ok(()) });
+        let flushed = written.and_then(|()| if applied > 0 { self.flush() } else { Ok(()) });
+        self.shared.commits.fetch_add(applied as u64, Ordering::Relaxed);
+        for (result, answer) in checked {
             let result = result.and_then(|()| flushed.clone().map_err(CommitError::from));
             // The receiver of a dropped `Pending` is gone; the commit stands.
             let _ = answer.send(result);
@@ -115,12 +133,23 @@ impl Writer {
         }
     }
 
-    fn apply(&mut self, commit: Commit, allowance: &mut Allowance) -> Result<(), CommitError> {
+    /// The start of a group: nothing is gathered yet.
+    fn gathered(&self) -> Gathered {
+        Gathered { writes: BTreeMap::new(), tally: self.tally, live_bytes: self.live_bytes }
+    }
+
+    /// Adds a commit to those that are written together, if its expectations hold after them.
+    fn check(
+        &mut self,
+        commit: Commit,
+        allowance: &mut Allowance,
+        gathered: &mut Gathered,
+    ) -> Result<(), CommitError> {
         if self.shared.poisoned.load(Ordering::Relaxed) {
             return Err(EngineError::Poisoned.into());
         }
         for (expectation, (key, expected)) in commit.expectations.iter().enumerate() {
-            let found = guarded("checking a commit", || self.levels.get(key))?;
+            let found = gathered.get(&self.levels, key)?;
             let holds = match expected {
                 Expected::Absent => found.is_none(),
                 Expected::Value(value) => found.as_deref() == Some(value.as_slice()),
@@ -132,39 +161,22 @@ impl Writer {
         let room = allowance.take(&commit);
         self.log_room(&room);
         room?;
-        // The last write of a key wins.
-        let changes = self.changes(commit)?;
-        let mut tally = Tally { commits: self.tally.commits + 1, ..self.tally };
-        let (mut batch, mut live_bytes) = (::sled::Batch::default(), self.live_bytes);
+        let changes = self.changes(commit, gathered)?;
         for Change { key, before, value } in &changes {
-            self.memory.note(key, before.as_deref());
-            if let Some(before) = before {
-                tally.remove(key, before);
-                live_bytes -= (key.len() + before.len()) as u64;
-            }
-            if let Some(value) = value {
-                tally.add(key, value);
-                live_bytes += (key.len() + value.len()) as u64;
-            }
-            let (key, value) = (key.clone(), value.clone());
-            guarded("reading before a write", || self.levels.write(&mut batch, key, value))?;
+            self.shared.held.note(key, before.as_deref(), value.as_deref())?;
         }
-        batch.insert(&TALLY_KEY, self.levels.top.form.encode(tally.to_record()));
-        let applied = guarded("writing", || self.levels.top.db.apply_batch(batch));
-        self.poison_if_failed(applied)?;
         for Change { key, before, value } in changes {
-            self.shared.held.note(&key, before.as_deref(), value.as_deref())?;
+            self.memory.note(&key, before.as_deref());
+            gathered.change(key, before.as_deref(), value);
         }
-        self.tally = tally;
-        self.live_bytes = live_bytes;
-        self.shared.live_bytes.store(live_bytes, Ordering::Relaxed);
+        gathered.tally.commits += 1;
         Ok(())
     }
 
     /// The changes of a commit: the last write of each key, and the holdings of its account.
-    fn changes(&self, commit: Commit) -> Result<Vec<Change>, EngineError> {
+    fn changes(&self, commit: Commit, gathered: &Gathered) -> Result<Vec<Change>, EngineError> {
         let mut bill = Bill::of(&commit);
-        let get = |key: &[u8]| guarded("reading before a write", || self.levels.get(key));
+        let get = |key: &[u8]| gathered.get(&self.levels, key);
         let writes: BTreeMap<Vec<u8>, Option<Vec<u8>>> = commit.writes.into_iter().collect();
         let mut changes = Vec::with_capacity(writes.len() + 1);
         for (key, value) in writes {
@@ -179,6 +191,22 @@ impl Writer {
             changes.push(Change { before: get(&key)?, value: Some(record), key });
         }
         Ok(changes)
+    }
+
+    /// Writes the gathered commits as one batch, which costs sled as much as one commit.
+    fn write(&mut self, gathered: Gathered) -> Result<(), EngineError> {
+        let Gathered { writes, tally, live_bytes } = gathered;
+        let mut batch = ::sled::Batch::default();
+        for (key, value) in writes {
+            guarded("reading before a write", || self.levels.write(&mut batch, key, value))?;
+        }
+        batch.insert(&TALLY_KEY, self.levels.top.form.encode(tally.to_record()));
+        let applied = guarded("writing", || self.levels.top.db.apply_batch(batch));
+        self.poison_if_failed(applied)?;
+        self.tally = tally;
+        self.live_bytes = live_bytes;
+        self.shared.live_bytes.store(live_bytes, Ordering::Relaxed);
+        Ok(())
     }
 
     /// Makes everything applied so far durable, and moves the mark.

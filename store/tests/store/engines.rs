@@ -66,6 +66,50 @@ fn expectations_see_all_earlier_commits_of_the_same_thread() {
 }
 
 #[test]
+fn commits_sent_together_are_checked_one_after_the_other() {
+    check(|engine| {
+        let count = |n: u32| n.to_string().into_bytes();
+        engine.commit(put("count", "0")).wait().unwrap();
+        // Each expects the value of the one before; every tenth one is late and changes nothing.
+        let commits: Vec<_> = (0..200_u32)
+            .flat_map(|n| {
+                let counted = Commit::new().put(b"count".to_vec(), count(n + 1));
+                let next = counted.clone().expect(b"count".to_vec(), Expected::Value(count(n)));
+                let late = put("late", "yes").expect(b"count".to_vec(), Expected::Value(count(n)));
+                let late = n.is_multiple_of(10).then_some((late, false));
+                [Some((next, true)), late].into_iter().flatten()
+            })
+            .map(|(commit, holds)| (engine.commit(commit), holds))
+            .collect();
+        for (pending, holds) in commits {
+            let conflict = Err(CommitError::Conflict { expectation: 0 });
+            assert_eq!(pending.wait(), if holds { Ok(()) } else { conflict });
+        }
+        assert_eq!(engine.get(b"count").unwrap(), Some(count(200)));
+        assert_eq!(engine.get(b"late").unwrap(), None);
+        let stats = engine.stats().unwrap();
+        assert_eq!((stats.commits, stats.live_bytes), (201, ("count".len() + 3) as u64));
+    });
+}
+
+#[test]
+fn a_group_larger_than_a_commit_is_written_in_parts() {
+    check(|engine| {
+        let of = |part: u8| {
+            let keys = (0..9_000_u16).map(|n| [&[part][..], &n.to_be_bytes()].concat());
+            keys.fold(Commit::new(), |commit, key| commit.put(key, vec![part]))
+        };
+        let commits = [1, 2, 3].map(|part| engine.commit(of(part)));
+        for pending in commits {
+            assert_eq!(pending.wait(), Ok(()));
+        }
+        for part in [1, 2, 3] {
+            assert_eq!(engine.scan(&[part], None, 20_000).unwrap().len(), 9_000);
+        }
+    });
+}
+
+#[test]
 fn scans_are_ordered_within_prefix_and_after_start() {
     check(|engine| {
         let commit = ["a/3", "b/1", "a/1", "a", "a/2", "A"]

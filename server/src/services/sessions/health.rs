@@ -112,7 +112,8 @@ impl Sessions {
     ) -> Result<Option<SensorShift>, SessionError> {
         let options = options(session);
         let was_live = self.live.contains_key(&session.id);
-        let is_costly = !was_live && (length > READINGS_MAX || n_shifts >= SHIFTS_ENOUGH);
+        let is_folded = was_live && u64::from(self.tools.traces.revision(session.id)) == length;
+        let is_costly = !is_folded && (length > READINGS_MAX || n_shifts >= SHIFTS_ENOUGH);
         if options.method != Method::Surface || is_costly {
             return Ok(None);
         }
