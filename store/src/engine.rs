@@ -41,6 +41,9 @@ pub struct Account {
     pub quota: Option<u64>,
 }
 
+/// Reading that is under way.
+pub type Reading = Pin<Box<dyn Future<Output = Result<(), EngineError>> + Send>>;
+
 /// A store of ordered keys and values.
 pub trait Engine: Send + Sync + 'static {
     /// The value of `key`.
@@ -66,6 +69,15 @@ pub trait Engine: Send + Sync + 'static {
     /// Returns at once; the [`Pending`] resolves when the commit is durable. A dropped
     /// `Pending` does not undo the commit.
     fn commit(&self, commit: Commit) -> Pending;
+
+    /// Waits until reads see what other processes committed before this call. An engine of one
+    /// process has nothing to wait for.
+    ///
+    /// # Errors
+    /// [`EngineError`] when the others' commits cannot be read.
+    fn catch_up(&self) -> Reading {
+        Box::pin(std::future::ready(Ok(())))
+    }
 
     /// Bytes that each API key holds; those without one have the nil id.
     fn held(&self) -> BTreeMap<Uuid, u64>;
@@ -369,6 +381,12 @@ pub enum EngineError {
     #[error("commit has {found} writes, expected at most {COMMIT_WRITES_MAX}")]
     CommitTooLarge {
         /// Number of writes.
+        found: usize,
+    },
+    /// A commit needs more messages than a cluster accepts as one.
+    #[error("commit touches {found} groups of records, expected at most 1000 on a cluster")]
+    CommitTooWide {
+        /// Number of messages.
         found: usize,
     },
 }
