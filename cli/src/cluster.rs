@@ -1,10 +1,40 @@
 //! Arguments that say how to reach a store on a NATS cluster.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
 use clap::Args;
 use palpate_store::nats::NatsOptions;
+
+/// Folder in the data folder for temporary files of a server on a cluster.
+const SPOOL_FOLDER: &str = "spool";
+
+/// Where a server stores.
+#[derive(Debug, Args)]
+pub(crate) struct StoreArgs {
+    /// NATS cluster that stores the data instead of the folder: nats://HOST:PORT[,HOST:PORT][/STREAM],
+    /// or tls://…; servers of version 2.12 or later.
+    #[arg(long, env = "PALPATE_STORE", value_name = "URL")]
+    store: Option<String>,
+    #[command(flatten)]
+    cluster: ClusterArgs,
+}
+
+impl StoreArgs {
+    /// The options of the cluster, if the store is on one.
+    pub(crate) fn options(&self, data: &Path) -> anyhow::Result<Option<NatsOptions>> {
+        let options = |store: &String| self.cluster.options(store, data.join(SPOOL_FOLDER));
+        self.store.as_ref().map(options).transpose()
+    }
+}
+
+/// The place of a server's data, for people.
+pub(crate) fn place(cluster: Option<&NatsOptions>, data: &Path) -> String {
+    match cluster {
+        Some(options) => format!("{}/{}", options.servers.join(","), options.stream),
+        None => data.display().to_string(),
+    }
+}
 
 /// How to reach a cluster.
 #[derive(Debug, Args)]

@@ -70,8 +70,7 @@ pub trait Engine: Send + Sync + 'static {
     /// `Pending` does not undo the commit.
     fn commit(&self, commit: Commit) -> Pending;
 
-    /// Waits until reads see what other processes committed before this call. An engine of one
-    /// process has nothing to wait for.
+    /// Waits until reads see what other processes, if any, committed before this call.
     ///
     /// # Errors
     /// [`EngineError`] when the others' commits cannot be read.
@@ -316,9 +315,9 @@ pub enum EngineError {
     },
     /// The key would hold more than its quota; nothing was written.
     #[error(
-        "this key holds {} MB of stored data and may hold {} MB: these {more} bytes do not fit; \
-         remove sessions, objects or versions that it wrote, or ask an administrator for more \
-         (`--store-quota-mb`)", megabytes(*.held), megabytes(*.quota)
+        "this key holds {:.3} MB of stored data and may hold {:.3} MB: these {more} bytes do not \
+         fit; remove sessions, objects or versions that it wrote, or ask an administrator for \
+         more (`--store-quota-mb`)", *.held as f64 / 1e6, *.quota as f64 / 1e6
     )]
     OverQuota {
         /// Bytes that it holds.
@@ -383,16 +382,6 @@ pub enum EngineError {
         /// Number of writes.
         found: usize,
     },
-    /// A commit needs more messages than a cluster accepts as one.
-    #[error("commit touches {found} groups of records, expected at most 1000 on a cluster")]
-    CommitTooWide {
-        /// Number of messages.
-        found: usize,
-    },
-}
-
-fn megabytes(bytes: u64) -> String {
-    format!("{:.3}", bytes as f64 / 1e6)
 }
 
 /// Error of a commit that was not applied.

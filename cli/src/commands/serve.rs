@@ -15,7 +15,6 @@ use palpate_store::private;
 use serde_json::json;
 
 use crate::admin_key::{AdminKeyFile, chosen};
-use crate::cluster::ClusterArgs;
 use crate::output::Output;
 use crate::supervisor::{self, Notice};
 
@@ -25,19 +24,14 @@ pub(crate) const DEFAULT_LISTEN: &str = "127.0.0.1:7411";
 /// Arguments of `palpate serve`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  palpate serve\n  \
-    palpate serve --data /var/lib/palpate --listen 127.0.0.1:7411\n  \
-    palpate serve --store nats://10.0.0.1:4222,10.0.0.2:4222,10.0.0.3:4222")]
+    palpate serve --data /var/lib/palpate --listen 127.0.0.1:7411")]
 #[expect(clippy::struct_excessive_bools, reason = "flags, each for itself")]
 pub(crate) struct ServeArgs {
     /// Folder of the database; created if missing.
     #[arg(long, env = "PALPATE_DATA", value_name = "DIR", default_value = "palpate-data")]
     data: PathBuf,
-    /// NATS cluster that stores the data instead of the folder: nats://HOST:PORT[,HOST:PORT][/STREAM],
-    /// or tls://…; servers of version 2.12 or later.
-    #[arg(long, env = "PALPATE_STORE", value_name = "URL")]
-    store: Option<String>,
     #[command(flatten)]
-    cluster: ClusterArgs,
+    store: crate::cluster::StoreArgs,
     /// Address to listen on; port 0 takes any free port.
     #[arg(long, env = "PALPATE_LISTEN", value_name = "ADDR", default_value = DEFAULT_LISTEN)]
     listen: SocketAddr,
@@ -285,25 +279,16 @@ const ADMIN_KEY: &str = "An admin's key was made. It is shown this once; keep it
     with it:\n`PALPATE_KEY=… palpate keys create NAME --role robot`";
 /// File in the data folder for the admin key if standard output is not a terminal.
 const ADMIN_KEY_FILE: &str = "admin.key";
-/// Folder in the data folder for temporary files of a server on a cluster.
-const SPOOL_FOLDER: &str = "spool";
 
 /// Serves until told to stop.
 pub(crate) async fn run(args: ServeArgs, output: Output) -> anyhow::Result<()> {
-    let data = args.data.clone();
-    let spool = data.join(SPOOL_FOLDER);
-    let cluster =
-        args.store.as_ref().map(|store| args.cluster.options(store, spool)).transpose()?;
-    let place = match &cluster {
-        Some(options) => format!("{}/{}", options.servers.join(","), options.stream),
-        None => data.display().to_string(),
-    };
+    let cluster = args.store.options(&args.data)?;
+    let data = crate::cluster::place(cluster.as_ref(), &args.data);
     let first_admin_key = args.first_admin_key_file.as_deref().map(chosen).transpose()?;
     let key_file = key_file(&args)?;
     let mut server = Server::start(Config { first_admin_key, cluster, ..config(args) }).await?;
     let address = server.address();
-    let mut started =
-        json!({ "server": address, "docs": format!("{address}/docs"), "data": place });
+    let mut started = json!({ "server": address, "docs": format!("{address}/docs"), "data": data });
     let admin_key = server.take_admin_key();
     let (mut written, mut shown) = (None, None);
     match (key_file, admin_key) {
@@ -320,7 +305,7 @@ pub(crate) async fn run(args: ServeArgs, output: Output) -> anyhow::Result<()> {
     }
     output.answer(&started, |_| {
         let serving = format!(
-            "serving {address}, documentation at {address}/docs, data in {place}; Ctrl-C stops"
+            "serving {address}, documentation at {address}/docs, data in {data}; Ctrl-C stops"
         );
         match (&shown, &written) {
             (Some(key), _) => format!("{serving}\n\n{ADMIN_KEY}\n\n{key}\n"),

@@ -25,6 +25,9 @@ const TOMBSTONE_TTL: &str = "24h";
 /// Garbage that a unit may have.
 const GARBAGE_BYTES: u64 = 16 << 10;
 
+/// Keys and their new values, `None` to remove them.
+type Writes = BTreeMap<Vec<u8>, Option<Vec<u8>>>;
+
 /// A commit and how it is to be written.
 #[derive(Debug)]
 pub(super) struct Work {
@@ -80,7 +83,7 @@ pub(super) fn plan(
             return Err(CommitError::Conflict { expectation });
         }
     }
-    let mut by_unit: BTreeMap<Vec<u8>, BTreeMap<Vec<u8>, Option<Vec<u8>>>> = BTreeMap::new();
+    let mut by_unit: BTreeMap<Vec<u8>, Writes> = BTreeMap::new();
     for id in units(work) {
         by_unit.insert(id, BTreeMap::new());
     }
@@ -88,7 +91,7 @@ pub(super) fn plan(
         by_unit.entry(unit::of(&key)).or_default().insert(key, value);
     }
     // A holding that stays as it is needs no message.
-    let is_needed = |id: &[u8], writes: &BTreeMap<_, _>| {
+    let is_needed = |id: &[u8], writes: &Writes| {
         !writes.is_empty()
             || commit.expectations.iter().any(|(key, _)| unit::of(key) == id)
             || work.compacts.iter().any(|unit| unit == id)
@@ -99,7 +102,9 @@ pub(super) fn plan(
         parts.extend(of_unit(index, id, writes, work, payload_max)?);
     }
     if parts.len() > MESSAGES_MAX {
-        return Err(EngineError::CommitTooWide { found: parts.len() }.into());
+        let found = parts.len();
+        let detail = format!("it touches {found} groups of records, expected at most 1000");
+        return Err(EngineError::Failed { doing: "planning a commit", detail }.into());
     }
     let n_parts = parts.len() as u16;
     let outgoing = (0..n_parts).zip(parts).map(|(part, Part { message, expected })| {
@@ -113,10 +118,7 @@ pub(super) fn plan(
 }
 
 /// The writes of a commit, the last of each key, and those of the holdings of its account.
-fn writes(
-    index: &Index,
-    commit: &Commit,
-) -> Result<BTreeMap<Vec<u8>, Option<Vec<u8>>>, EngineError> {
+fn writes(index: &Index, commit: &Commit) -> Result<Writes, EngineError> {
     let mut writes: BTreeMap<_, _> = commit.writes.iter().cloned().collect();
     if let Some(mut bill) = Bill::of(commit) {
         for (key, value) in &writes {
@@ -138,7 +140,7 @@ struct Part {
 fn of_unit(
     index: &Index,
     id: Vec<u8>,
-    writes: BTreeMap<Vec<u8>, Option<Vec<u8>>>,
+    writes: Writes,
     work: &Work,
     payload_max: usize,
 ) -> Result<Vec<Part>, EngineError> {
