@@ -83,7 +83,11 @@ pub(super) async fn follow(stream: Stream, client: Client, shared: Arc<Shared>) 
         loop {
             let is_waiting = !gathering.messages.is_empty() && !gathering.has_gap;
             let patience = if is_waiting { REST_COMES_WITHIN } else { LOOK_EVERY };
-            let next = tokio::time::timeout(patience, messages.next()).await;
+            let next = tokio::select! {
+                next = tokio::time::timeout(patience, messages.next()) => next,
+                // Its server may be gone, which heartbeats would tell much later.
+                () = shared.is_stalled.notified() => break,
+            };
             let outcome = match next {
                 Err(_) if !gathering.messages.is_empty() => shared.apply(&gathering.take()),
                 Err(_) => {

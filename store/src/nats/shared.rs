@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
 use std::time::Duration;
 
-use tokio::sync::watch;
+use tokio::sync::{Notify, watch};
 use uuid::Uuid;
 
 use super::index::Index;
@@ -29,6 +29,8 @@ pub(super) struct Shared {
     /// Commits that are being published, and whether the stream has delivered them.
     under_way: Mutex<HashMap<Uuid, bool>>,
     fault: Mutex<Option<EngineError>>,
+    /// Told when somebody waits for messages and none come.
+    pub(super) is_stalled: Notify,
     pub(super) commits: AtomicU64,
     pub(super) batches: AtomicU64,
     pub(super) compactions: AtomicU64,
@@ -41,6 +43,7 @@ impl Shared {
             position: watch::Sender::new(0),
             under_way: Mutex::default(),
             fault: Mutex::default(),
+            is_stalled: Notify::new(),
             commits: AtomicU64::new(0),
             batches: AtomicU64::new(0),
             compactions: AtomicU64::new(0),
@@ -105,12 +108,16 @@ impl Shared {
     pub(super) async fn reach(&self, sequence: u64) -> Result<(), EngineError> {
         let mut position = self.position.subscribe();
         loop {
+            let before = self.position();
             // The follower of a failed store moves no more.
             let reached = position.wait_for(|position| *position >= sequence);
             if tokio::time::timeout(Duration::from_secs(1), reached).await.is_ok() {
                 return Ok(());
             }
             self.check()?;
+            if self.position() == before {
+                self.is_stalled.notify_one();
+            }
         }
     }
 
