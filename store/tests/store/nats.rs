@@ -251,7 +251,7 @@ fn a_store_that_is_not_shared_has_one_user() {
 }
 
 #[test]
-fn one_server_without_a_cluster_serves_and_a_missing_one_is_named() {
+fn one_server_without_a_cluster_serves_and_a_lost_one_is_named() {
     let Some(mut cluster) = Cluster::start(1) else { return };
     let store = Store::on(&cluster.address);
     let engine = store.open();
