@@ -6,7 +6,7 @@ use clap::{Parser, Subcommand, ValueEnum};
 
 use crate::commands::{
     analyses::AnalysesArgs, audit::AuditArgs, catalogues::CataloguesArgs, compact::CompactArgs,
-    config::ConfigArgs, demo::DemoArgs, draw::DrawArgs, experiment::ExperimentArgs,
+    config::ConfigArgs, copy::CopyArgs, demo::DemoArgs, draw::DrawArgs, experiment::ExperimentArgs,
     explore::ExploreArgs, fleet::FleetArgs, fsck::FsckArgs, jobs::JobsArgs, keys::KeysArgs,
     letters::LettersArgs, load::LoadArgs, maps::MapsArgs, migrate::MigrateArgs,
     next_touch::NextTouchArgs, objects::ObjectsArgs, report::ReportArgs, robots::RobotsArgs,
@@ -154,6 +154,8 @@ pub(crate) enum Command {
     Storage,
     /// Free the disk space of removed records.
     Compact(CompactArgs),
+    /// Copy all stored data between a folder and a NATS cluster, and compare both.
+    Copy(CopyArgs),
     /// Check a folder of stored data for damage.
     Fsck(FsckArgs),
     /// Migrate a folder of stored data to the current layout.

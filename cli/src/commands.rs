@@ -6,6 +6,7 @@ pub(crate) mod calibrate;
 pub(crate) mod catalogues;
 pub(crate) mod compact;
 pub(crate) mod config;
+pub(crate) mod copy;
 pub(crate) mod demo;
 pub(crate) mod draw;
 pub(crate) mod experiment;

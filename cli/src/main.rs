@@ -6,6 +6,7 @@
 
 mod admin_key;
 mod calibrated;
+mod cluster;
 mod knowledge;
 mod json_file;
 mod numbers;

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use palpate_store::audit::RingSizes;
+use palpate_store::nats::NatsOptions;
 use palpate_store::sled::{FreeSpace, RESERVE_BYTES, SLACK_BYTES};
 
 use crate::door::Patience;
@@ -64,6 +65,8 @@ pub struct Config {
     pub failed_changes_per_minute: NonZeroU32,
     /// The database folder; created if it does not exist.
     pub data: PathBuf,
+    /// The NATS cluster that stores everything; the database folder does it if `None`.
+    pub cluster: Option<NatsOptions>,
     /// Migrates a database of an older layout; otherwise it is refused.
     pub migrate: bool,
     /// Memory of the database's page cache, bytes.
@@ -168,6 +171,7 @@ impl Config {
             audit_entries_max: RingSizes { changes: 100_000, refused: 20_000, strangers: 10_000 },
             failed_changes_per_minute: FAILED_CHANGES_PER_MINUTE,
             data: data.into(),
+            cluster: None,
             migrate: false,
             store_cache_bytes: 64 << 20,
             disk_reserve_bytes: RESERVE_BYTES,

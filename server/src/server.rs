@@ -12,8 +12,8 @@ use std::time::Duration;
 
 use palpate_migrations::MigrateError;
 use palpate_store::database::{Database, DatabaseError};
+use palpate_store::engine::Engine;
 use palpate_store::error::StoreError;
-use palpate_store::sled::SledEngine;
 use thiserror::Error;
 use tokio::net::TcpListener;
 use tokio::sync::watch;
@@ -59,7 +59,7 @@ pub struct Server {
     webhooks: Arc<Webhooks>,
     sessions: Arc<Sessions>,
     audit: Arc<Audit>,
-    engine: Arc<SledEngine>,
+    engine: Arc<dyn Engine>,
     scheme: &'static str,
     admin_key: Option<String>,
 }

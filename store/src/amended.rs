@@ -8,7 +8,9 @@ use std::sync::Arc;
 
 use uuid::Uuid;
 
-use crate::engine::{Commit, Compacted, Cut, Engine, EngineError, EngineStats, Pair, Pending};
+use crate::engine::{
+    Commit, Compacted, Cut, Engine, EngineError, EngineStats, Pair, Pending, Reading,
+};
 use crate::holding::{Held, Who};
 
 /// Amends the commits to an engine.
@@ -51,6 +53,10 @@ impl Engine for Amended {
             commit.account = who();
         }
         self.engine.commit(commit)
+    }
+
+    fn catch_up(&self) -> Reading {
+        self.engine.catch_up()
     }
 
     fn held(&self) -> BTreeMap<Uuid, u64> {

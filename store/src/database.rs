@@ -263,6 +263,14 @@ impl Database {
         Ok(self.engine.commit(commit).await.map_err(unconditional)?)
     }
 
+    /// Waits until reads see what other servers committed before this call.
+    ///
+    /// # Errors
+    /// The engine's.
+    pub async fn catch_up(&self) -> Result<(), EngineError> {
+        self.engine.catch_up().await
+    }
+
     /// The names of robots and the keys that own them.
     #[must_use]
     pub fn robots(&self) -> RobotHolders {

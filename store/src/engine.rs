@@ -41,6 +41,9 @@ pub struct Account {
     pub quota: Option<u64>,
 }
 
+/// Reading that is under way.
+pub type Reading = Pin<Box<dyn Future<Output = Result<(), EngineError>> + Send>>;
+
 /// A store of ordered keys and values.
 pub trait Engine: Send + Sync + 'static {
     /// The value of `key`.
@@ -66,6 +69,14 @@ pub trait Engine: Send + Sync + 'static {
     /// Returns at once; the [`Pending`] resolves when the commit is durable. A dropped
     /// `Pending` does not undo the commit.
     fn commit(&self, commit: Commit) -> Pending;
+
+    /// Waits until reads see what other processes, if any, committed before this call.
+    ///
+    /// # Errors
+    /// [`EngineError`] when the others' commits cannot be read.
+    fn catch_up(&self) -> Reading {
+        Box::pin(std::future::ready(Ok(())))
+    }
 
     /// Bytes that each API key holds; those without one have the nil id.
     fn held(&self) -> BTreeMap<Uuid, u64>;
@@ -304,9 +315,9 @@ pub enum EngineError {
     },
     /// The key would hold more than its quota; nothing was written.
     #[error(
-        "this key holds {} MB of stored data and may hold {} MB: these {more} bytes do not fit; \
-         remove sessions, objects or versions that it wrote, or ask an administrator for more \
-         (`--store-quota-mb`)", megabytes(*.held), megabytes(*.quota)
+        "this key holds {:.3} MB of stored data and may hold {:.3} MB: these {more} bytes do not \
+         fit; remove sessions, objects or versions that it wrote, or ask an administrator for \
+         more (`--store-quota-mb`)", *.held as f64 / 1e6, *.quota as f64 / 1e6
     )]
     OverQuota {
         /// Bytes that it holds.
@@ -371,10 +382,6 @@ pub enum EngineError {
         /// Number of writes.
         found: usize,
     },
-}
-
-fn megabytes(bytes: u64) -> String {
-    format!("{:.3}", bytes as f64 / 1e6)
 }
 
 /// Error of a commit that was not applied.

@@ -106,6 +106,11 @@ fn prefix(thing: &[u8]) -> Vec<u8> {
     [&[Space::Holding as u8], thing].concat()
 }
 
+/// The key of what an API key holds of a thing.
+pub(crate) fn key(thing: &[u8], account: Uuid) -> Vec<u8> {
+    [&prefix(thing)[..], account.as_bytes()].concat()
+}
+
 /// Removes the holdings of a removed thing, and of all whose keys have its key as a prefix.
 pub(crate) async fn release(engine: &dyn Engine, thing: &[u8]) -> Result<(), EngineError> {
     pieces::remove_all(engine, &prefix(thing)).await
@@ -216,7 +221,7 @@ impl Bill {
         }
         let mut records = Vec::with_capacity(self.things.len());
         for (thing, more) in self.things.into_iter().filter(|(_, more)| *more != 0) {
-            let key = [&prefix(&thing)[..], self.account.key.as_bytes()].concat();
+            let key = key(&thing, self.account.key);
             let before = get(&key)?.as_deref().map_or(Ok(0), bytes)?;
             let after = before.saturating_add_signed(more);
             records.push((key, envelope::seal(Kind::Holding, SCHEMA, &after.to_le_bytes())));

@@ -1,7 +1,7 @@
 //! Palpate's map database: the fleet's knowledge on disk, checked on every read.
 //!
 //! Bottom up: an [`engine::Engine`] holds ordered keys and small values and commits them
-//! atomically and durably ([`sled`], [`memory`]); [`envelope`] and [`record`] define the
+//! atomically and durably ([`sled`], [`memory`], [`nats`]); [`envelope`] and [`record`] define the
 //! values; `pieces` splits large ones; [`table`], [`journal`], [`calibration`], [`sensor_day`], [`mesh`],
 //! [`catalogue`], [`audit`] and [`webhook`] are the repositories that [`database::Database`] opens;
 //! [`holding`] counts the bytes that each API key wrote; [`fsck`] checks a whole database,
@@ -24,6 +24,7 @@ pub mod holding;
 mod amended;
 pub mod memory;
 pub mod sled;
+pub mod nats;
 pub mod robot;
 pub mod table;
 pub mod access;

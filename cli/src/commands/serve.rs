@@ -30,6 +30,8 @@ pub(crate) struct ServeArgs {
     /// Folder of the database; created if missing.
     #[arg(long, env = "PALPATE_DATA", value_name = "DIR", default_value = "palpate-data")]
     data: PathBuf,
+    #[command(flatten)]
+    store: crate::cluster::StoreArgs,
     /// Address to listen on; port 0 takes any free port.
     #[arg(long, env = "PALPATE_LISTEN", value_name = "ADDR", default_value = DEFAULT_LISTEN)]
     listen: SocketAddr,
@@ -280,10 +282,11 @@ const ADMIN_KEY_FILE: &str = "admin.key";
 
 /// Serves until told to stop.
 pub(crate) async fn run(args: ServeArgs, output: Output) -> anyhow::Result<()> {
-    let data = args.data.clone();
+    let cluster = args.store.options(&args.data)?;
+    let data = crate::cluster::place(cluster.as_ref(), &args.data);
     let first_admin_key = args.first_admin_key_file.as_deref().map(chosen).transpose()?;
     let key_file = key_file(&args)?;
-    let mut server = Server::start(Config { first_admin_key, ..config(args) }).await?;
+    let mut server = Server::start(Config { first_admin_key, cluster, ..config(args) }).await?;
     let address = server.address();
     let mut started = json!({ "server": address, "docs": format!("{address}/docs"), "data": data });
     let admin_key = server.take_admin_key();
@@ -301,7 +304,6 @@ pub(crate) async fn run(args: ServeArgs, output: Output) -> anyhow::Result<()> {
         (_, None) => {}
     }
     output.answer(&started, |_| {
-        let data = data.display();
         let serving = format!(
             "serving {address}, documentation at {address}/docs, data in {data}; Ctrl-C stops"
         );

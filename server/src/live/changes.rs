@@ -8,7 +8,7 @@ use palpate_schemas as wire;
 use palpate_schemas::{BeliefDetail, SessionEvent};
 use palpate_store::entity::{ReadingId, StoredReading};
 use palpate_store::error::StoreError;
-use palpate_store::journal::{Event, Journal, NewEntry};
+use palpate_store::journal::{AppendError, Event, Journal, NewEntry};
 use tracing::Instrument;
 use uuid::Uuid;
 
@@ -28,6 +28,10 @@ use crate::wire::life::Status;
 use crate::wire::reading::{Incoming, warnings};
 use crate::wire::session::{options, set_outcome};
 
+/// Maximum number of times that other servers may be faster with a session. Each time a reading of
+/// somebody is added.
+const OVERTAKEN_MAX: usize = 64;
+
 /// Result of comparing a request's readings with the journal.
 enum Request {
     /// All readings are known: the belief of this revision was their answer.
@@ -44,6 +48,11 @@ struct Append {
     detail: BeliefDetail,
 }
 
+/// Whether another server appended to the journal in the meantime.
+fn is_overtaken(error: &LiveError) -> bool {
+    matches!(error, LiveError::Cause(Cause::Store(StoreError::Changed { .. })))
+}
+
 impl Live {
     /// Stores readings and returns the belief after them.
     pub(crate) async fn add(
@@ -52,14 +61,21 @@ impl Live {
         detail: BeliefDetail,
     ) -> Result<wire::ReadingsAdded, LiveError> {
         let mut state = self.turns.take().await?;
-        let now = now_ms();
-        let status = self.status(now)?;
-        let (n_new, belief) = match self.request(&status, &readings)? {
-            Request::Repeat(revision) => (0, self.repeat(&mut state, revision, detail).await?),
-            Request::Append(new) => {
-                let (n_new, length) = (new.len(), status.length);
-                let append = Append { length, now, new, detail };
-                (n_new, self.append(&mut state, append).await?)
+        let mut attempts = OVERTAKEN_MAX;
+        let (status, n_new, belief) = loop {
+            let now = now_ms();
+            let status = self.status(now)?;
+            let new = match self.request(&status, &readings)? {
+                Request::Repeat(revision) => {
+                    break (status, 0, self.repeat(&mut state, revision, detail).await?);
+                }
+                Request::Append(new) => new,
+            };
+            let n_new = new.len();
+            let append = Append { length: status.length, now, new, detail };
+            match self.append(&mut state, append).await {
+                Err(error) if is_overtaken(&error) && attempts > 0 => attempts -= 1,
+                added => break (status, n_new, added?),
             }
         };
         Ok(wire::ReadingsAdded {
@@ -81,6 +97,21 @@ impl Live {
         detail: BeliefDetail,
     ) -> Result<wire::ReadingRetracted, LiveError> {
         let mut state = self.turns.take().await?;
+        let mut attempts = OVERTAKEN_MAX;
+        loop {
+            match self.withdraw(&mut state, number, detail).await {
+                Err(error) if is_overtaken(&error) && attempts > 0 => attempts -= 1,
+                withdrawn => return withdrawn,
+            }
+        }
+    }
+
+    async fn withdraw(
+        &self,
+        state: &mut State,
+        number: u64,
+        detail: BeliefDetail,
+    ) -> Result<wire::ReadingRetracted, LiveError> {
         let now = now_ms();
         let (session, journal) = (self.session.id, self.tools.store.journal());
         let status = self.status(now)?;
@@ -104,7 +135,7 @@ impl Live {
         let belief = match place {
             None => None,
             Some(place) if is_new => {
-                Some(self.renew(&mut state, (Vec::new(), now), place, revision).await?)
+                Some(self.renew(state, (Vec::new(), now), place, revision).await?)
             }
             Some(place) => {
                 let start = state.memory.start(revision);
@@ -123,14 +154,20 @@ impl Live {
     /// Closes the session with the last entry of its journal. Closing it again changes nothing.
     pub(crate) async fn close(&self) -> Result<(), LiveError> {
         let _turn = self.turns.insist().await;
-        let now = now_ms();
-        let status = self.status(now)?;
-        if status.end.is_some() {
-            return Ok(());
-        }
         let store = self.tools.store.essential();
-        let closed = event(Event::Closed, now);
-        store.journal().append(self.session.id, status.length, &[closed]).await?;
+        let mut attempts = OVERTAKEN_MAX;
+        let (now, status) = loop {
+            let now = now_ms();
+            let status = self.status(now)?;
+            if status.end.is_some() {
+                return Ok(());
+            }
+            let closed = event(Event::Closed, now);
+            match store.journal().append(self.session.id, status.length, &[closed]).await {
+                Err(AppendError::Sequence { .. }) if attempts > 0 => attempts -= 1,
+                closed => break closed.map(|()| (now, status))?,
+            }
+        };
         let outcome = outcome(&self.tools, self.session.id, status.length)?;
         let is_known = outcome.latest.is_some() || status.n_readings == 0;
         let table = store.sessions();

@@ -5,13 +5,20 @@ use std::time::Duration;
 
 use palpate_migrations::migrate;
 use palpate_store::database::{Database, DatabaseError};
+use palpate_store::engine::Engine;
+use palpate_store::nats::NatsEngine;
 use palpate_store::sled::{SledEngine, SledOptions};
 
 use super::{SHUTDOWN_PATIENCE, StartError};
 use crate::config::Config;
 
-/// Opens the engine of the data folder.
-pub(super) async fn open(config: &Config) -> Result<Arc<SledEngine>, StartError> {
+/// Opens the engine of the cluster, or else of the data folder.
+pub(super) async fn open(config: &Config) -> Result<Arc<dyn Engine>, StartError> {
+    if let Some(options) = config.cluster.clone() {
+        let opening = tokio::task::spawn_blocking(move || NatsEngine::open(&options));
+        let opened = opening.await.map_err(std::io::Error::other)?;
+        return Ok(Arc::new(opened.map_err(DatabaseError::from)?));
+    }
     let folder = config.data.clone();
     let options = SledOptions {
         reserve_bytes: config.disk_reserve_bytes,
@@ -27,7 +34,7 @@ pub(super) async fn open(config: &Config) -> Result<Arc<SledEngine>, StartError>
 
 /// The database of an engine, in today's layout.
 pub(super) async fn database(
-    engine: Arc<SledEngine>,
+    engine: Arc<dyn Engine>,
     migrates: bool,
 ) -> Result<Database, StartError> {
     let opening = tokio::task::spawn_blocking(move || {
@@ -40,8 +47,8 @@ pub(super) async fn database(
 }
 
 /// Closes the engine after its last user: the last tasks of the runtime release it a moment
-/// after they have answered, and the next server needs the folder's lock.
-pub(super) async fn close(engine: Arc<SledEngine>) {
+/// after they have answered, and the next server may need the folder's lock.
+pub(super) async fn close(engine: Arc<dyn Engine>) {
     let waiting = async {
         while Arc::strong_count(&engine) > 1 {
             tokio::time::sleep(Duration::from_millis(2)).await;

@@ -227,6 +227,15 @@ impl Sessions {
         found.ok_or_else(|| Cause::unknown("session", id))
     }
 
+    /// The session, also if another server has just created it.
+    async fn find_anywhere(&self, id: Uuid) -> Result<Session, Cause> {
+        match self.find(&id.to_string()) {
+            Err(_) => self.tools.store.catch_up().await?,
+            found => return found,
+        }
+        self.find(&id.to_string())
+    }
+
     fn show(&self, session: &Session) -> Result<wire::Session, StoreError> {
         self.show_as(session, status(&self.tools.store, session, now_ms())?)
     }
@@ -253,7 +262,7 @@ impl Sessions {
             self.make_room(live.bytes_missing())?;
             return Ok(live);
         }
-        let session = self.find(&id.to_string())?;
+        let session = self.find_anywhere(id).await?;
         let method = convert::session::options(&session).method;
         let model = self.model(session.catalogue, session.version, method).await?;
         let live = self.keep(id, Arc::new(Live::new(&self.tools, session, model, &self.beliefs)));

@@ -81,6 +81,14 @@ pub enum OpenError {
         /// The fault.
         fault: &'static str,
     },
+    /// The cluster cannot be reached, or lacks what a store needs.
+    #[error("cannot open the store on NATS at {servers}: {fault}")]
+    Cluster {
+        /// Addresses of its servers.
+        servers: String,
+        /// The fault.
+        fault: String,
+    },
     /// The operating system refused a thread for the writer.
     #[error("cannot start the database's writer thread: {source}")]
     Thread {

@@ -119,7 +119,7 @@ fn frozen_bytes_of_schema_1_are_read() {
 fn the_log_keeps_the_newest_and_continues_when_reopened() {
     let law = |database: &Database| {
         let log = database.audit(of(3), |_| false).unwrap();
-        assert_eq!(numbers(&log), []);
+        assert_eq!(numbers(&log), Vec::<u64>::new());
         for at_ms in 1..=5 {
             change(&log, at_ms);
         }
@@ -127,7 +127,7 @@ fn the_log_keeps_the_newest_and_continues_when_reopened() {
         let pages = |seq| log.before(seq, 2).unwrap().iter().map(|e| e.seq).collect::<Vec<_>>();
         assert_eq!(pages(None), [5, 4]);
         assert_eq!(pages(Some(4)), [3]);
-        assert_eq!(pages(Some(3)), []);
+        assert_eq!(pages(Some(3)), Vec::<u64>::new());
 
         // Opened again with smaller rings: numbers continue, times do not decrease.
         let log = database.audit(of(2), |_| false).unwrap();

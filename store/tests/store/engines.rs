@@ -11,17 +11,20 @@ use palpate_store::memory::MemoryEngine;
 use palpate_store::sled::{SledEngine, SledOptions};
 use tempfile::TempDir;
 
-use crate::samples;
+use crate::{cluster, samples};
 
 pub(crate) fn open(folder: &TempDir) -> SledEngine {
     SledEngine::open(folder.path(), &SledOptions::default()).unwrap()
 }
 
-/// Runs a law on every engine.
+/// Runs a law on every engine; on a cluster where `tests/nats` provides one.
 fn check(law: impl Fn(&dyn Engine)) {
     law(&MemoryEngine::new());
     let folder = TempDir::new().unwrap();
     law(&open(&folder));
+    if let Some(store) = cluster::store() {
+        law(&store.open());
+    }
 }
 
 fn put(key: &str, value: &str) -> Commit {

@@ -60,6 +60,9 @@ fn check(law: impl Fn(&Desk)) {
     law(&Desk::new(Arc::new(MemoryEngine::new())));
     let folder = TempDir::new().unwrap();
     law(&Desk::new(Arc::new(crate::engines::open(&folder))));
+    if let Some(store) = crate::cluster::store() {
+        law(&Desk::new(Arc::new(store.open())));
+    }
 }
 
 /// Bytes of everything but names and the holdings themselves.

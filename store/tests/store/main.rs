@@ -4,6 +4,7 @@
 mod access;
 mod bytes;
 mod calibrations;
+mod cluster;
 mod compaction;
 mod crash;
 mod damage;
@@ -13,6 +14,7 @@ mod holding;
 mod keeping;
 mod labels;
 mod meshes;
+mod nats;
 mod removal;
 mod repositories;
 mod samples;

@@ -53,8 +53,10 @@ fn day(day: u32, calibration: u32) -> Day {
 /// A law of databases with the sensors 10 and 11.
 fn check(law: impl Fn(&Database)) {
     let folder = TempDir::new().unwrap();
-    let engines: [Arc<dyn Engine>; 2] =
-        [Arc::new(MemoryEngine::new()), Arc::new(crate::engines::open(&folder))];
+    let mut engines: Vec<Arc<dyn Engine>> =
+        vec![Arc::new(MemoryEngine::new()), Arc::new(crate::engines::open(&folder))];
+    let cluster = crate::cluster::store();
+    engines.extend(cluster.iter().map(|store| Arc::new(store.open()) as Arc<dyn Engine>));
     for engine in engines {
         let database = Database::with_engine(engine).unwrap();
         for id in [10, 11] {
@@ -120,7 +122,7 @@ fn a_sensor_keeps_the_newest_days_and_the_first() {
         assert!(add(database, 10, 50, &day(last + 2, 2)), "a new calibration");
         assert_eq!(numbers(database, 10).len(), DAYS_MAX);
         assert_eq!(numbers(database, 10)[0], 20_003, "the first has become an old one");
-        assert_eq!(numbers(database, 11), [], "another sensor");
+        assert_eq!(numbers(database, 11), Vec::<u32>::new(), "another sensor");
     });
 }
 
