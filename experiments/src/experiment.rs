@@ -15,6 +15,7 @@ use crate::covering::{self, Covering};
 use crate::explorations::ExplorationTrials;
 use crate::letters_appearance::{self, LettersAppearance};
 use crate::letters_geometric::{self, LettersGeometric};
+use crate::letters_sva::{self, LettersSva};
 use crate::next_touch::{self, NextTouch};
 use crate::object_trials::ObjectTrials;
 use crate::other_physics::{self, OtherPhysics};
@@ -51,6 +52,8 @@ pub enum Experiment {
     SvaObjects(SvaObjects),
     /// Section 3.4: raised letters by geometry, histogram and particle filters.
     LettersGeometric(LettersGeometric),
+    /// Section 5.5.2: raised letters by spatially varying appearance, as printed and as served.
+    LettersSva(LettersSva),
     /// Presses and converged readings per second on one core.
     ContactRates(ContactRates),
     /// Chapter 2: elastic reference, point spread, choice of a covering, H indenter.
@@ -131,6 +134,7 @@ impl Experiment {
         match self {
             Self::SvaObjects(config) => sva_objects::run(config, progress),
             Self::LettersGeometric(config) => letters_geometric::run(config, progress),
+            Self::LettersSva(config) => letters_sva::run(config, progress),
             Self::ContactRates(config) => contact_rates::run(config, progress),
             Self::Covering(config) => covering::run(config, progress),
             Self::Symmetry(config) => symmetry::run(config, progress),
