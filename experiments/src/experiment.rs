@@ -13,6 +13,7 @@ use crate::contact_rates::{self, ContactRates};
 use crate::controllers::{self, Controllers};
 use crate::covering::{self, Covering};
 use crate::explorations::ExplorationTrials;
+use crate::geometric_elsewhere::{self, GeometricElsewhere};
 use crate::letters_appearance::{self, LettersAppearance};
 use crate::letters_geometric::{self, LettersGeometric};
 use crate::letters_sva::{self, LettersSva};
@@ -104,6 +105,8 @@ pub enum Experiment {
     Thinning(Thinning),
     /// `geometric` with solid maps: accuracy by the size of the box of poses.
     SolidGeometry(SolidGeometry),
+    /// `geometric` on noise, coverings, physics and fonts other than those of training.
+    GeometricElsewhere(GeometricElsewhere),
     /// OpenCV's point-pair features and ICP on the same touches.
     PpfPeer(PpfPeer),
     /// Figures 4.11 and 4.12: strategies of exploration, and the sampler's readings.
@@ -160,6 +163,7 @@ impl Experiment {
             Self::SurfaceNoise(config) => surface_noise::run(config, progress),
             Self::Thinning(config) => thinning::run(config, progress),
             Self::SolidGeometry(config) => solid_geometry::run(config, progress),
+            Self::GeometricElsewhere(config) => geometric_elsewhere::run(config, progress),
             Self::PpfPeer(config) => ppf_peer::run(config, progress),
             Self::Exploration(config) => exploration::run(config, progress),
             Self::Perturbation(config) => perturbation::run(config, progress),

@@ -7,10 +7,14 @@ use std::f64::consts::{PI, TAU};
 use std::path::Path;
 
 use anyhow::Context as _;
+use glam::DVec3;
+use palpate_core::metric::{Inertia, Symmetry, SymmetryOrder};
+use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::rng::{Purpose, Stream};
+use palpate_core::sensor::SensorDescription;
 use palpate_core::units::{KPA, MM};
-use palpate_sim::letters::{Font, Letter};
+use palpate_sim::letters::{Font, Letter, RotationOrder};
 use palpate_sim::rig::{
     LetterField, N_ANGLES, PlanarPose, Rig, RigNoise, SPACING, plan, rig_sensor,
 };
@@ -61,9 +65,14 @@ impl RaisedLetters {
             font.letter(symbol).cloned().with_context(|| format!("the font has no {symbol}"))
         };
         let letters: Vec<Letter> = symbols.chars().map(letter).collect::<anyhow::Result<_>>()?;
-        let sensor = rig_sensor();
-        let fields = letters.iter().map(|letter| LetterField::new(letter, &sensor)).collect();
-        Ok(Self { letters, fields })
+        Ok(Self::of_letters(letters, &rig_sensor()))
+    }
+
+    /// Letters blurred for a sensor, which presses them.
+    #[must_use]
+    pub fn of_letters(letters: Vec<Letter>, sensor: &SensorDescription) -> Self {
+        let fields = letters.iter().map(|letter| LetterField::new(letter, sensor)).collect();
+        Self { letters, fields }
     }
 
     /// The letters' outlines.
@@ -120,6 +129,40 @@ impl RaisedLetters {
             all.filter(|reading| reading.image().max() > CONTACT).collect()
         };
         self.fields.iter().map(presses).collect()
+    }
+}
+
+/// What errors of a letter's pose are measured by.
+pub struct LetterShape {
+    inertia: Inertia,
+    symmetry: Symmetry,
+}
+
+impl LetterShape {
+    /// Mass and symmetry of a letter's face.
+    ///
+    /// # Panics
+    /// Never: a letter covers cells of half a millimetre.
+    #[must_use]
+    pub fn of(letter: &Letter) -> Self {
+        let order = match (letter.symbol(), letter.rotation_order()) {
+            // Equation 3.21: an O has no angle.
+            ('O', _) | (_, RotationOrder::Continuous) => SymmetryOrder::Continuous,
+            (_, RotationOrder::Finite(n)) => SymmetryOrder::Finite(n),
+        };
+        let mask = letter.mask(0.5 * MM, 0.0);
+        let face: Vec<DVec3> = mask.covered().map(|at| at.extend(0.0)).collect();
+        let masses = face.iter().map(|at| (*at, 1.0));
+        let inertia =
+            Inertia::of_points(masses).expect("a letter covers cells of half a millimetre");
+        let through = letter.centroid().extend(0.0);
+        Self { inertia, symmetry: Symmetry { order, axis: DVec3::Z, through } }
+    }
+
+    /// The inertial distance of two poses of the letter modulo its symmetry, metres.
+    #[must_use]
+    pub fn error(&self, found: &Pose, truth: &Pose) -> f64 {
+        self.inertia.distance_modulo(found, truth, &self.symmetry)
     }
 }
 

@@ -14,18 +14,16 @@ use std::path::PathBuf;
 
 use clap::Args;
 use glam::{DQuat, DVec3};
-use palpate_core::metric::{Inertia, Symmetry, SymmetryOrder};
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::units::MM;
-use palpate_sim::letters::{Letter, RotationOrder};
 use palpate_sim::rig::Rig;
 use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::arguments::count;
-use crate::letter_presses::{RaisedLetters, font_of, rig};
+use crate::letter_presses::{LetterShape, RaisedLetters, font_of, rig};
 use crate::letters_geometric::{LetterNoise, letters_named};
 use crate::report::{Outcome, Progress, Report};
 use methods::{METHODS, Trained};
@@ -91,29 +89,6 @@ impl Presses {
     }
 }
 
-/// What errors of a letter's pose are measured by.
-struct Shape {
-    inertia: Inertia,
-    symmetry: Symmetry,
-}
-
-impl Shape {
-    fn of(letter: &Letter) -> Self {
-        let order = match (letter.symbol(), letter.rotation_order()) {
-            // Equation 3.21: an O has no angle.
-            ('O', _) | (_, RotationOrder::Continuous) => SymmetryOrder::Continuous,
-            (_, RotationOrder::Finite(n)) => SymmetryOrder::Finite(n),
-        };
-        let mask = letter.mask(0.5 * MM, 0.0);
-        let face: Vec<DVec3> = mask.covered().map(|at| at.extend(0.0)).collect();
-        let masses = face.iter().map(|at| (*at, 1.0));
-        let inertia =
-            Inertia::of_points(masses).expect("a letter covers cells of half a millimetre");
-        let through = letter.centroid().extend(0.0);
-        Self { inertia, symmetry: Symmetry { order, axis: DVec3::Z, through } }
-    }
-}
-
 /// A method's answer after some readings of a trial.
 struct Step {
     presses: Presses,
@@ -133,7 +108,7 @@ struct Step {
 /// When the font or a letter cannot be used, or training fails.
 pub fn run(config: &LettersSva, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     let letters = RaisedLetters::of_font(&config.letters, &font_of(config.font.as_deref())?)?;
-    let shapes: Vec<Shape> = letters.letters().iter().map(Shape::of).collect();
+    let shapes: Vec<LetterShape> = letters.letters().iter().map(LetterShape::of).collect();
     let mut report = Report::default();
     let mut steps = Vec::new();
     let mut done = 0;
@@ -163,7 +138,7 @@ pub fn run(config: &LettersSva, progress: Progress<'_>) -> anyhow::Result<Outcom
 /// The trials of one method, seed and kind of presses.
 struct Lab<'a> {
     config: &'a LettersSva,
-    shapes: &'a [Shape],
+    shapes: &'a [LetterShape],
     test: &'a [Vec<Reading>],
     presses: Presses,
     method: usize,
@@ -192,10 +167,9 @@ impl Lab<'_> {
             let named = answer.best_object().map_or(0, |object| object.0 as usize);
             let mode = answer.modes.iter().find(|mode| mode.object.0 as usize == letter);
             let shape = &self.shapes[letter];
-            let error = mode.filter(|_| named == letter).map(|mode| {
-                let found = &mode.session_from_object;
-                shape.inertia.distance_modulo(found, &session_from_object, &shape.symmetry)
-            });
+            let error = mode
+                .filter(|_| named == letter)
+                .map(|mode| shape.error(&mode.session_from_object, &session_from_object));
             let probability = answer.probabilities.get(named).copied().unwrap_or(0.0);
             let (presses, method, seed) = (self.presses, self.method, self.seed);
             let readings = idx + 1;

@@ -53,6 +53,7 @@ pub mod skins;
 pub mod printed_sva;
 pub mod sva_objects;
 pub mod letters_sva;
+pub mod geometric_elsewhere;
 pub mod symmetry;
 pub mod thinning;
 pub mod unknown;
