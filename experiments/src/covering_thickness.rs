@@ -24,20 +24,26 @@ pub fn run(config: &ObjectTrials, progress: Progress<'_>) -> anyhow::Result<Outc
 }
 
 /// The 6 × 6 sensor under a covering of this many inches; full scale is a full indentation.
-fn setting(inches: f64) -> anyhow::Result<Setting> {
+///
+/// # Errors
+/// When there is no such covering.
+pub fn sensor_under(inches: f64) -> anyhow::Result<SensorDescription> {
     let thickness = inches * INCH;
     let parameters = SensorDescription::digitacts_6x6().parameters().clone();
-    let sensor = SensorDescription::new(SensorParameters {
+    Ok(SensorDescription::new(SensorParameters {
         layout: None,
         covering_thickness: thickness,
         point_spread: point_spread_of_covering(thickness),
         force_curve: ForceCurve::new(vec![(0.0, 0.0), (thickness, parameters.saturation)])?,
         ..parameters
-    })?;
+    })?)
+}
+
+fn setting(inches: f64) -> anyhow::Result<Setting> {
     Ok(Setting {
         name: format!("{inches:.2} inch"),
         key: format!("{inches:.2}in_").replace('.', "_"),
-        sensor,
+        sensor: sensor_under(inches)?,
         noise_level: NoiseLevel::NONE,
     })
 }

@@ -13,8 +13,10 @@ use crate::contact_rates::{self, ContactRates};
 use crate::controllers::{self, Controllers};
 use crate::covering::{self, Covering};
 use crate::explorations::ExplorationTrials;
+use crate::geometric_elsewhere::{self, GeometricElsewhere};
 use crate::letters_appearance::{self, LettersAppearance};
 use crate::letters_geometric::{self, LettersGeometric};
+use crate::letters_sva::{self, LettersSva};
 use crate::next_touch::{self, NextTouch};
 use crate::object_trials::ObjectTrials;
 use crate::other_physics::{self, OtherPhysics};
@@ -51,6 +53,8 @@ pub enum Experiment {
     SvaObjects(SvaObjects),
     /// Section 3.4: raised letters by geometry, histogram and particle filters.
     LettersGeometric(LettersGeometric),
+    /// Section 5.5.2: raised letters by spatially varying appearance, as printed and as served.
+    LettersSva(LettersSva),
     /// Presses and converged readings per second on one core.
     ContactRates(ContactRates),
     /// Chapter 2: elastic reference, point spread, choice of a covering, H indenter.
@@ -101,6 +105,8 @@ pub enum Experiment {
     Thinning(Thinning),
     /// `geometric` with solid maps: accuracy by the size of the box of poses.
     SolidGeometry(SolidGeometry),
+    /// `geometric` on noise, coverings, physics and fonts other than those of training.
+    GeometricElsewhere(GeometricElsewhere),
     /// OpenCV's point-pair features and ICP on the same touches.
     PpfPeer(PpfPeer),
     /// Figures 4.11 and 4.12: strategies of exploration, and the sampler's readings.
@@ -131,6 +137,7 @@ impl Experiment {
         match self {
             Self::SvaObjects(config) => sva_objects::run(config, progress),
             Self::LettersGeometric(config) => letters_geometric::run(config, progress),
+            Self::LettersSva(config) => letters_sva::run(config, progress),
             Self::ContactRates(config) => contact_rates::run(config, progress),
             Self::Covering(config) => covering::run(config, progress),
             Self::Symmetry(config) => symmetry::run(config, progress),
@@ -156,6 +163,7 @@ impl Experiment {
             Self::SurfaceNoise(config) => surface_noise::run(config, progress),
             Self::Thinning(config) => thinning::run(config, progress),
             Self::SolidGeometry(config) => solid_geometry::run(config, progress),
+            Self::GeometricElsewhere(config) => geometric_elsewhere::run(config, progress),
             Self::PpfPeer(config) => ppf_peer::run(config, progress),
             Self::Exploration(config) => exploration::run(config, progress),
             Self::Perturbation(config) => perturbation::run(config, progress),

@@ -25,11 +25,12 @@ use palpate_core::training::TrainingSet;
 use palpate_dissertation::geometric::model::GeometricModel;
 use palpate_dissertation::geometric::train::{GeometricConfig, map_geometry};
 use palpate_dissertation::occupancy::{ClassifiedPress, InverseModel, SpreadForm};
-use palpate_sim::letters::{Font, Letter, RotationOrder, SYMBOLS};
+use palpate_sim::letters::{Letter, RotationOrder, SYMBOLS};
 use palpate_sim::rig::{LetterField, Rig, RigNoise, rig_sensor};
 use serde::Serialize;
 
 use crate::arguments::count;
+use crate::letter_presses::font_of;
 use crate::report::{Outcome, Progress, Report};
 use figures::Plotted;
 use methods::{METHODS, Prepared};
@@ -263,15 +264,7 @@ pub fn run(config: &LettersGeometric, progress: Progress<'_>) -> anyhow::Result<
 }
 
 fn load(config: &LettersGeometric) -> anyhow::Result<Vec<TestLetter>> {
-    let font = match &config.font {
-        None => Font::built_in(),
-        Some(path) => {
-            let bytes =
-                std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
-            Font::from_bytes(bytes)
-                .with_context(|| format!("{} is not a usable font", path.display()))?
-        }
-    };
+    let font = font_of(config.font.as_deref())?;
     let letter = |symbol: char| {
         let letter = font.letter(symbol).with_context(|| format!("the font has no {symbol}"))?;
         Ok(TestLetter::new(letter, &rig_sensor()))

@@ -4,14 +4,13 @@
 //! poses (`unrefined`), the default with the printed distance range of 30–160 mm
 //! (`printed_range`), the printed filter on the service's patches (`literal`, as in a session of
 //! `sva_literal`), and on request the printed filter on printed patches (`as_printed`, see
-//! `printed`). Each object is touched 1,000 times for training and 100 times for testing. A
+//! `printed_sva`). Each object is touched 1,000 times for training and 100 times for testing. A
 //! trial draws a pose (any rotation, ±200 mm along each axis) and presents test readings in
 //! random order; after each one both methods answer. Errors of pose count only when the identity
 //! is right, as in the dissertation; angles are plain, not modulo symmetry. The inertial error
 //! takes the mesh as a solid of uniform density.
 
 mod figures;
-mod printed;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -35,10 +34,10 @@ use serde::Serialize;
 use crate::arguments::{ObjectSet, TouchSet, count};
 use crate::coverage;
 use crate::objects::{self, TestObject};
+use crate::printed_sva::{Printed, PrintedForm};
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::{mean, median, quantile, standard_error_over_groups};
 use figures::{panel, report_confusions};
-use printed::Printed;
 
 /// Arguments of `sva-objects`.
 #[derive(Args, Clone, Debug, Serialize)]
@@ -200,9 +199,9 @@ fn train_printed(
     config: &SvaObjects,
 ) -> anyhow::Result<Method> {
     let started = Instant::now();
-    let n_classes = TrainingConfig::literal().n_classes;
-    let printed = Printed::learn(readings, &config.touches.sensor, n_classes, config.seed)?;
-    let (catalogue, classes_kept) = printed.catalogue(readings, &config.touches.sensor)?;
+    let sensor = &config.touches.sensor;
+    let printed = Printed::learn(readings, sensor, PrintedForm::objects(), config.seed)?;
+    let (catalogue, classes_kept) = printed.catalogue(readings, sensor)?;
     report.summarise("as_printed_classes_kept_mean", classes_kept);
     Ok(Method {
         name: "as_printed",

@@ -78,9 +78,11 @@ pub struct PairEvidence {
 }
 
 impl PairEvidence {
-    /// Adds a pose with a weight (linear, not normalised).
+    /// Adds a pose with a weight (linear, not normalised); a pose without a bin is impossible and
+    /// adds nothing.
     pub fn add(&mut self, bins: &PoseBins, pose: &Pose, weight: f64) {
-        self.bins.entry(bins.bin(pose)).or_default().add(pose, weight);
+        let Some(bin) = bins.bin(pose) else { return };
+        self.bins.entry(bin).or_default().add(pose, weight);
         self.total += weight;
     }
 
@@ -228,6 +230,7 @@ impl SparseHistogram {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::filter::pose_bins::Lattice;
     use crate::rotation_grid::RotationGrid;
     use palpate_core::units::MM;
 
@@ -235,6 +238,7 @@ mod tests {
         edge: 0.008,
         rotations: RotationGrid::CubedHypersphere { n: 6 },
         workspace: 0.4,
+        lattice: Lattice::Space,
     };
 
     fn at(x: f64) -> Pose {

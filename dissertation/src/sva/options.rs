@@ -1,6 +1,6 @@
 //! Options of the filter: the service's settings, and those of the dissertation.
 
-use crate::filter::pose_bins::PoseBins;
+use crate::filter::pose_bins::{Lattice, PoseBins};
 use crate::filter::sparse::ProductRule;
 use crate::rotation_grid::RotationGrid;
 use crate::sva::priors::MatchPriors;
@@ -64,6 +64,7 @@ impl Default for SvaOptions {
                 edge: 8.0 * MM,
                 rotations: RotationGrid::CubedHypersphere { n: 6 },
                 workspace: 400.0 * MM,
+                lattice: Lattice::Space,
             },
             bin_pose: BinPose::Mean,
             rule: ProductRule::Floored { floor: 0.05 },
@@ -89,6 +90,7 @@ impl SvaOptions {
                 edge: 8.0 * MM,
                 rotations: RotationGrid::Rodrigues { n: 9 },
                 workspace: 400.0 * MM,
+                lattice: Lattice::Space,
             },
             bin_pose: BinPose::Center,
             rule: ProductRule::Strict,
@@ -103,5 +105,15 @@ impl SvaOptions {
             refinement: None,
             ..Self::default()
         }
+    }
+
+    /// The same filter on poses in the plane, as on raised letters (section 5.5.2): 21 × 21 bins
+    /// over ±10 mm.
+    #[must_use]
+    pub fn in_plane(self) -> Self {
+        let workspace = 20.0 * MM;
+        let edge = workspace / 21.0;
+        let bins = PoseBins { edge, workspace, lattice: Lattice::Plane, ..self.bins };
+        Self { bins, ..self }
     }
 }
