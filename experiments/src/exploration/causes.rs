@@ -153,10 +153,10 @@ mod tests {
     use crate::explorations::tests::small;
 
     #[test]
-    fn centred_touches_are_firmer_and_at_more_places() {
+    fn an_arm_that_moves_on_presses_more_places() {
         let outcome = run(&small(), &|_, _, _| ()).unwrap();
         let summary = &outcome.report.summary;
-        assert!(summary["l0_5_moves_on_centres_places_of_20"] > summary["l0_5_places_of_20"]);
+        assert!(summary["l0_5_moves_on_places_of_20"] > summary["l0_5_places_of_20"]);
         assert!(summary["sampler_weak_share"] < summary["l0_5_weak_share"], "{summary:?}");
         for training in ["", "tilted_", "mixed_"] {
             for source in ["sampler", "l0_5", "l0_5_moves_on_centres"] {
