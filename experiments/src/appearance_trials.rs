@@ -114,12 +114,26 @@ impl Evidence {
         sensor: &SensorDescription,
         rule: AppearanceRule,
     ) -> Self {
+        Self::weighed(model, readings, sensor, rule, |_| 1.0)
+    }
+
+    /// As [`Evidence::of`], with the evidence of each reading multiplied by its weight.
+    #[must_use]
+    pub fn weighed(
+        model: &AppearanceModel,
+        readings: &[Vec<Reading>],
+        sensor: &SensorDescription,
+        rule: AppearanceRule,
+        weight: impl Fn(&Reading) -> f64 + Sync,
+    ) -> Self {
         let clustering = &model.vocabulary.clustering;
         let shares = ObjectShares::new(&model.objects, clustering, model.smoothing);
         let of_reading = |reading: &Reading| {
             let touching = touches(reading, sensor).then(|| reading.image());
             let features = model.vocabulary.describe(touching?)?;
-            Some(shares.log_likelihoods(&model.vocabulary.classify(&features), rule))
+            let logs = shares.log_likelihoods(&model.vocabulary.classify(&features), rule);
+            let weight = weight(reading);
+            Some(logs.into_iter().map(|log| weight * log).collect())
         };
         let by_object = readings
             .par_iter()

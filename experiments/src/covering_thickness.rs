@@ -7,7 +7,8 @@ use palpate_core::sensor::{ForceCurve, SensorDescription, SensorParameters};
 use palpate_core::units::INCH;
 use palpate_sim::noise::NoiseLevel;
 
-use crate::object_trials::{ObjectTrials, Setting};
+use crate::object_trials::Setting;
+use crate::planner_trials::PlannerTrials;
 use crate::report::{Outcome, Progress};
 
 /// The coverings, inches.
@@ -17,7 +18,7 @@ const COVERINGS: [f64; 4] = [0.04, 0.10, 0.14, 0.20];
 ///
 /// # Errors
 /// When objects cannot be read, touched or learnt.
-pub fn run(config: &ObjectTrials, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+pub fn run(config: &PlannerTrials, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     let settings =
         COVERINGS.iter().map(|inches| setting(*inches)).collect::<anyhow::Result<Vec<_>>>()?;
     config.sweep(&settings, progress)
@@ -51,7 +52,7 @@ fn setting(inches: f64) -> anyhow::Result<Setting> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::object_trials::tests::small;
+    use crate::planner_trials::tests::small;
 
     #[test]
     fn the_covering_of_the_preset_is_one_of_them() {
@@ -66,7 +67,8 @@ mod tests {
         let summary = &outcome.report.summary;
         for key in ["0_04in", "0_10in", "0_14in", "0_20in"] {
             assert!(summary[&format!("mnti_{key}_accuracy_at_20")] > 0.3, "{summary:?}");
+            assert!(summary.contains_key(&format!("mnti_{key}_explored_accuracy_at_20")));
         }
-        assert_eq!(outcome.plot.matches("<polyline").count(), 16);
+        assert_eq!(outcome.plot.matches("<polyline").count(), 2 * 16);
     }
 }

@@ -1,6 +1,7 @@
 //! Figure 4.8 again: every descriptor on ten objects, accuracy against readings.
 //!
-//! All descriptors see the same readings of the 6 × 6 sensor under 0.10 inch. This project adds
+//! All descriptors see the same readings of the 6 × 6 sensor under 0.10 inch: held-back ones of
+//! the sampler, and those of the exploring planner, on which the dissertation tests. This project adds
 //! a reduction by discriminant axes, and the printed share of 90 % of the variance. Confusion
 //! and affinity (figures 4.9, 4.10) are rows of the report; `appearance_rules` draws them.
 
@@ -12,6 +13,7 @@ use serde::Serialize;
 use crate::appearance_trials::{Point, accuracy_at, line};
 use crate::object_trials::{ObjectTrials, Setting, Tested, panel, rows};
 use crate::objects::TestObject;
+use crate::planner_trials::PlannerTrials;
 use crate::report::{Outcome, Progress, Report};
 
 /// The count at which descriptors are compared.
@@ -41,34 +43,48 @@ const LOWER: [DescriptorKind; 6] = [
 ///
 /// # Errors
 /// When objects cannot be read, touched or learnt.
-pub fn run(config: &ObjectTrials, progress: Progress<'_>) -> anyhow::Result<Outcome> {
-    let objects = config.objects()?;
+pub fn run(config: &PlannerTrials, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+    let objects = config.objects.objects()?;
     let setting = Setting::printed("6×6, 0.10 inch");
     progress("touching objects", 0, 1);
-    let touched = config.touch(&objects, &setting)?;
+    let touched = config.objects.touch(&objects, &setting)?;
+    progress("exploring objects", 0, 1);
+    let planned = config.explore(&objects, &setting)?;
     let mut report = Report::default();
     let mut curves: Vec<(String, Vec<Point>)> = Vec::new();
-    let methods = methods(config);
+    let methods = methods(&config.objects);
+    let mut explored: Vec<(String, Vec<Point>)> = Vec::new();
     for (done, (name, appearance)) in methods.iter().enumerate() {
         progress(name, done, methods.len());
-        let tested = config.test(&touched, &setting, appearance)?;
+        let tested = config.objects.test(&touched, &setting, appearance)?;
         rows(&mut report, &setting, name, &objects, &tested.curve);
         if shows_matrices(name) {
             matrices(&mut report, name, &objects, &tested);
         }
+        if let Some(planned) = &planned {
+            let curve = planned.report(&mut report, &setting, name, &tested.model);
+            explored.push((name.clone(), curve));
+        }
         curves.push((name.clone(), tested.curve));
     }
     best(&mut report, &curves);
-    let lines = |names: &[&str]| {
+    let lines_of = |curves: &[(String, Vec<Point>)], names: &[&str]| {
         let chosen = curves.iter().filter(|(name, _)| names.contains(&name.as_str()));
         chosen.map(|(name, curve)| line(name, curve)).collect()
     };
-    let plot = svg(&[
+    let lines = |names: &[&str]| lines_of(&curves, names);
+    let mut panels = vec![
         panel("the better half", lines(&UPPER.map(DescriptorKind::name))),
         panel("the other half", lines(&LOWER.map(DescriptorKind::name))),
         panel("beyond print", lines(&OPTIONS)),
-    ]);
-    Ok(Outcome { report, plot, pictures: Vec::new() })
+    ];
+    if planned.is_some() {
+        for (title, half) in [("better", UPPER), ("other", LOWER)] {
+            let lines = lines_of(&explored, &half.map(DescriptorKind::name));
+            panels.push(panel(&format!("the {title} half, explored"), lines));
+        }
+    }
+    Ok(Outcome { report, plot: svg(&panels), pictures: Vec::new() })
 }
 
 /// Options compared on MNTI and Polar-Fourier.
@@ -140,7 +156,7 @@ fn matrices(report: &mut Report, name: &str, objects: &[TestObject], tested: &Te
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::object_trials::tests::small;
+    use crate::planner_trials::tests::small;
 
     #[test]
     fn a_small_run_compares_every_descriptor() {
@@ -148,9 +164,11 @@ mod tests {
         let summary = &outcome.report.summary;
         for kind in DescriptorKind::ALL {
             assert!(summary.contains_key(&format!("{}_accuracy_at_20", kind.name())), "{kind:?}");
+            let explored = format!("{}_explored_accuracy_at_20", kind.name());
+            assert!(summary.contains_key(&explored), "{kind:?}");
         }
         assert!(summary["best_accuracy_at_20"] > 0.6, "{summary:?}");
         assert!(summary["best_printed_accuracy_at_20"] <= summary["best_accuracy_at_20"]);
-        assert_eq!(outcome.plot.matches("<polyline").count(), 18);
+        assert_eq!(outcome.plot.matches("<polyline").count(), 18 + 12);
     }
 }

@@ -12,6 +12,7 @@ use crate::consistency::{self, Consistency};
 use crate::contact_rates::{self, ContactRates};
 use crate::controllers::{self, Controllers};
 use crate::covering::{self, Covering};
+use crate::exploration::Exploration;
 use crate::explorations::ExplorationTrials;
 use crate::geometric_elsewhere::{self, GeometricElsewhere};
 use crate::letters_appearance::{self, LettersAppearance};
@@ -21,6 +22,7 @@ use crate::next_touch::{self, NextTouch};
 use crate::object_trials::ObjectTrials;
 use crate::other_physics::{self, OtherPhysics};
 use crate::other_worlds::{self, OtherWorlds};
+use crate::planner_trials::PlannerTrials;
 use crate::ppf_peer::{self, PpfPeer};
 use crate::real_contacts::{self, RealContacts};
 use crate::real_edges::{self, RealEdges};
@@ -62,15 +64,15 @@ pub enum Experiment {
     /// Symmetries by touches alone and by the mesh: ten solids, also with a handle or a notch.
     Symmetry(SymmetryTrials),
     /// Figure 4.8: every descriptor on ten objects, accuracy against readings.
-    Descriptors(ObjectTrials),
+    Descriptors(PlannerTrials),
     /// Sections 4.3.1.2 and 4.4.2.1: clusterings, and comparisons of histograms.
     AppearanceRules(ObjectTrials),
     /// Figure 4.14: appearance under coverings of 0.04 to 0.20 inch.
-    CoveringThickness(ObjectTrials),
+    CoveringThickness(PlannerTrials),
     /// Figure 4.15: appearance with 6×6, 14×14 and 26×26 taxels over 12 mm.
-    Resolution(ObjectTrials),
+    Resolution(PlannerTrials),
     /// Figure 4.16: appearance under noise of up to 40 % of the sensing range.
-    Noise(ObjectTrials),
+    Noise(PlannerTrials),
     /// Figure 4.19: raised letters by appearance alone, 52 simulated and 5 on the rig.
     LettersAppearance(LettersAppearance),
     /// Figure 4.20: letters learnt in simulation, recognised with another sensor.
@@ -110,7 +112,7 @@ pub enum Experiment {
     /// OpenCV's point-pair features and ICP on the same touches.
     PpfPeer(PpfPeer),
     /// Figures 4.11 and 4.12: strategies of exploration, and the sampler's readings.
-    Exploration(ExplorationTrials),
+    Exploration(Exploration),
     /// Figure 4.13: objects that move each time they are touched.
     Perturbation(ExplorationTrials),
     /// Figure 4.17: convergence of the contact controllers under noise.

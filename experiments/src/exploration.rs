@@ -8,17 +8,22 @@
 //! blind arm do, and an arm that moves on from places that it has pressed, on the same objects
 //! and seeds.
 
+mod causes;
+
+use clap::Args;
 use palpate_core::descriptor::DescriptorKind;
 use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::units::DEG;
 use palpate_dissertation::appearance::model::AppearanceRule;
 use palpate_sim::plot::{Panel, svg};
+use serde::Serialize;
 
 use crate::appearance_trials::{Evidence, line};
 use crate::explorations::{
     COUNTS, ExplorationTrials, Run, Strategy, report_curve, report_curves, report_runs,
 };
+use crate::explored_sessions::{play, recognisers};
 use crate::object_trials::{Setting, Touched, panel};
 use crate::objects::{TestObject, touch_tilted};
 use crate::report::{Outcome, Progress, Report};
@@ -35,11 +40,32 @@ const LOCALS: [f64; 3] = [0.1, 0.5, 0.9];
 /// is the sampler's 10°.
 const WIDE_TILT: f64 = 60.0 * DEG;
 
+/// Arguments of `exploration`.
+#[derive(Args, Clone, Debug, Serialize)]
+pub struct Exploration {
+    /// Objects, training and explorations.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub trials: ExplorationTrials,
+    /// Instead of the figures: why explored readings are not recognised, and what helps.
+    #[arg(long)]
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub causes: bool,
+}
+
 /// Runs the experiment.
 ///
 /// # Errors
 /// When objects cannot be read, touched, explored or learnt.
-pub fn run(config: &ExplorationTrials, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+pub fn run(config: &Exploration, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+    match config.causes {
+        true => causes::run(&config.trials, progress),
+        false => figures(&config.trials, progress),
+    }
+}
+
+/// Figures 4.11 and 4.12.
+fn figures(config: &ExplorationTrials, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     let objects = config.objects.objects()?;
     let mut report = Report::default();
     let mut panels = Vec::new();
@@ -62,6 +88,15 @@ pub fn run(config: &ExplorationTrials, progress: Progress<'_>) -> anyhow::Result
         }
         let mut trainings = vec![Training { prefix: "", touched }];
         if setting_idx == 0 {
+            let (training, seed) = (&trainings[0].touched.training, config.objects.seed);
+            let recognisers = recognisers(&objects, training, setting, seed)?;
+            let mut lines = Vec::new();
+            for (strategy, runs) in &explored {
+                for (name, recogniser) in &recognisers {
+                    lines.push(play(&mut report, (name, recogniser), setting, strategy, runs)?);
+                }
+            }
+            panels.push(panel("with poses, as they came", lines));
             trainings
                 .push(Training { prefix: "tilted_", touched: tilted(config, &objects, setting)? });
         }
@@ -132,16 +167,8 @@ fn recognised(
 
 /// The printed strategies, and the middle one for an arm that moves on from what it has pressed.
 fn strategies() -> [Strategy; 4] {
-    let strategy = |local: f64, as_printed: bool| {
-        let (name, key) = (format!("L = {local}"), format!("l{local}").replace('.', "_"));
-        let (name, key) = match as_printed {
-            true => (name, key),
-            false => (format!("{name}, moves on"), format!("{key}_moves_on")),
-        };
-        Strategy { name, key, local, as_printed, perturb: false }
-    };
-    let [few, equal, many] = LOCALS;
-    [strategy(few, true), strategy(equal, true), strategy(many, true), strategy(equal, false)]
+    let [few, equal, many] = LOCALS.map(Strategy::printed);
+    [few, equal, many, Strategy::moving_on(LOCALS[1])]
 }
 
 fn settings() -> Vec<Setting> {
@@ -152,12 +179,11 @@ fn settings() -> Vec<Setting> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::object_trials::tests::small;
+    use crate::explorations::tests::small;
 
     #[test]
     fn a_small_run_has_every_strategy_at_both_resolutions() {
-        let config = ExplorationTrials { objects: small(), runs: 1 };
-        let outcome = run(&config, &|_, _, _| ()).unwrap();
+        let outcome = figures(&small(), &|_, _, _| ()).unwrap();
         let summary = &outcome.report.summary;
         let mean_of =
             |keys: &[String]| keys.iter().map(|key| summary[key]).sum::<f64>() / keys.len() as f64;
@@ -175,6 +201,6 @@ mod tests {
         }
         let learnt_tilted = "tilted_polar_fourier_6x6_l0_9_accuracy_at_20";
         assert!(summary.contains_key(learnt_tilted), "{summary:?}");
-        assert_eq!(outcome.plot.matches("<polyline").count(), (2 + 1) * 3 * 5);
+        assert_eq!(outcome.plot.matches("<polyline").count(), (2 + 1) * 3 * 5 + 2 * 4);
     }
 }

@@ -13,6 +13,7 @@ use palpate_core::reading::Reading;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::units::MM;
 use palpate_dissertation::appearance::model::{AppearanceModel, AppearanceRule};
+use palpate_sim::controller::RecenterConfig;
 use palpate_sim::explore::{
     Exploration, ExploreConfig, Perturbation, PressAgain, Touch, covered_share, explore,
 };
@@ -31,7 +32,7 @@ use crate::statistics::mean;
 pub const COUNTS: [usize; 15] = [1, 2, 3, 4, 5, 7, 10, 15, 20, 30, 40, 50, 60, 80, 100];
 
 /// Counts that the summary states.
-const STATED_AT: [usize; 4] = [5, 10, 20, 100];
+const STATED_AT: [usize; 5] = [5, 10, 20, 60, 100];
 
 /// Maximum distance of the object's centre from that of the arm's workspace along each axis.
 const PLACE_MAX: f64 = 20.0 * MM;
@@ -66,14 +67,42 @@ pub struct Strategy {
     /// Whether the arm presses every contact, as printed, instead of moving on from places that
     /// it has pressed.
     pub as_printed: bool,
+    /// Whether contacts that rest weakly are centred and pressed again.
+    pub centred: bool,
     /// Whether the object moves after each reading, by up to the amounts of section 4.4.2.4.
     pub perturb: bool,
 }
 
+impl Strategy {
+    /// The printed strategy: presses whatever it meets, wherever the sensor lands.
+    #[must_use]
+    pub fn printed(local: f64) -> Self {
+        let key = format!("l{local}").replace('.', "_");
+        let (name, perturb) = (format!("L = {local}"), false);
+        Self { name, key, local, as_printed: true, centred: false, perturb }
+    }
+
+    /// Rarely presses where it has pressed before.
+    #[must_use]
+    pub fn moving_on(local: f64) -> Self {
+        let printed = Self::printed(local);
+        let (name, key) = (format!("{}, moves on", printed.name), printed.key + "_moves_on");
+        Self { name, key, as_printed: false, ..printed }
+    }
+
+    /// Moves on, and centres contacts that rest weakly.
+    #[must_use]
+    pub fn centring(local: f64) -> Self {
+        let moving = Self::moving_on(local);
+        let (name, key) = (format!("{}, centres", moving.name), moving.key + "_centres");
+        Self { name, key, centred: true, ..moving }
+    }
+}
+
 /// One exploration of every object.
 pub struct Run {
-    simulators: Vec<PressSimulator>,
-    explorations: Vec<Exploration>,
+    pub(crate) simulators: Vec<PressSimulator>,
+    pub(crate) explorations: Vec<Exploration>,
 }
 
 impl Run {
@@ -160,6 +189,11 @@ impl ExplorationTrials {
                 local: strategy.local,
                 perturbation: strategy.perturb.then(|| Perturbation::printed(simulator.mesh())),
                 press_again: if strategy.as_printed { PressAgain::AsPrinted } else { moves_on },
+                touch: if strategy.centred {
+                    RecenterConfig::for_sensor(&setting.sensor, setting.noise_level)
+                } else {
+                    usual.touch
+                },
                 ..usual
             };
             let n = self.objects.test_readings;
@@ -178,9 +212,21 @@ impl ExplorationTrials {
     /// dissertation's figures, and on readings in the order in which they were taken.
     #[must_use]
     pub fn curves(&self, model: &AppearanceModel, setting: &Setting, runs: &[Run]) -> Curves {
+        self.weighed_curves(model, setting, runs, |_| 1.0)
+    }
+
+    /// Curves as by [`ExplorationTrials::curves`], with a weight for each reading.
+    pub fn weighed_curves(
+        &self,
+        model: &AppearanceModel,
+        setting: &Setting,
+        runs: &[Run],
+        weight: impl Fn(&Reading) -> f64 + Sync,
+    ) -> Curves {
         let of = |(run_idx, run): (usize, &Run)| {
             let rule = AppearanceRule::Divergence;
-            let evidence = Evidence::of(model, &run.readings(), &setting.sensor, rule);
+            let readings = run.readings();
+            let evidence = Evidence::weighed(model, &readings, &setting.sensor, rule, &weight);
             let trials = self.objects.trials.div_ceil(self.runs);
             let seed = self.objects.seed + run_idx as u64;
             (evidence.drawn(&COUNTS, trials, seed), evidence.in_order(&COUNTS))
@@ -283,4 +329,15 @@ pub fn report_runs(report: &mut Report, setting: &Setting, strategy: &Strategy, 
     let key = |figure: &str| format!("{}{}_{figure}", setting.key, strategy.key);
     report.summarise(&key("one_sidedness"), one_sidedness);
     report.summarise(&key("steps_per_reading"), steps_per_reading);
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::object_trials;
+
+    /// A run small enough for a test: one exploration of each of ten objects.
+    pub(crate) fn small() -> ExplorationTrials {
+        ExplorationTrials { objects: object_trials::tests::small(), runs: 1 }
+    }
 }

@@ -7,7 +7,8 @@ use anyhow::Context as _;
 use palpate_core::sensor::SensorDescription;
 use palpate_sim::noise::NoiseLevel;
 
-use crate::object_trials::{ObjectTrials, Setting};
+use crate::object_trials::Setting;
+use crate::planner_trials::PlannerTrials;
 use crate::report::{Outcome, Progress};
 
 /// Levels, parts of the sensing range.
@@ -17,7 +18,7 @@ const LEVELS: [f64; 4] = [0.0, 0.1, 0.2, 0.4];
 ///
 /// # Errors
 /// When objects cannot be read, touched or learnt.
-pub fn run(config: &ObjectTrials, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+pub fn run(config: &PlannerTrials, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     let settings =
         LEVELS.iter().map(|level| setting(*level)).collect::<anyhow::Result<Vec<_>>>()?;
     config.sweep(&settings, progress)
@@ -36,7 +37,7 @@ fn setting(level: f64) -> anyhow::Result<Setting> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::object_trials::tests::small;
+    use crate::planner_trials::tests::small;
 
     #[test]
     fn a_small_run_states_every_level() {
@@ -44,8 +45,10 @@ mod tests {
         let summary = &outcome.report.summary;
         for percent in [0, 10, 20, 40] {
             assert!(summary.contains_key(&format!("mnti_{percent}percent_accuracy_at_20")));
+            let explored = format!("mnti_{percent}percent_explored_accuracy_at_20");
+            assert!(summary.contains_key(&explored), "{summary:?}");
         }
         assert!(summary["mnti_0percent_accuracy_at_20"] > 0.4, "{summary:?}");
-        assert_eq!(outcome.plot.matches("<polyline").count(), 16);
+        assert_eq!(outcome.plot.matches("<polyline").count(), 2 * 16);
     }
 }

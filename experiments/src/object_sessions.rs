@@ -75,6 +75,29 @@ impl Recogniser {
         })
     }
 
+    /// The object named after each of the rising `counts` of the first readings of a session
+    /// with an object that rests, as far as the session may know.
+    ///
+    /// # Errors
+    /// When the sensor does not fit what was trained.
+    pub fn names(
+        &self,
+        readings: &[Reading],
+        sensor: &SensorDescription,
+        counts: &[usize],
+    ) -> anyhow::Result<Vec<Option<ObjectIdx>>> {
+        let mut belief = self.begin()?;
+        let mut named = Vec::with_capacity(counts.len());
+        let last = counts.last().copied().unwrap_or(0);
+        for (before, reading) in readings.iter().take(last).enumerate() {
+            let answer = belief.add_reading(reading, sensor)?;
+            if counts.contains(&(before + 1)) {
+                named.push(answer.best_object());
+            }
+        }
+        Ok(named)
+    }
+
     /// Memory of its maps, bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
@@ -89,16 +112,24 @@ impl Recogniser {
 
 impl Belief {
     fn add(&mut self, heard: &Presented, sensor: &SensorDescription) -> anyhow::Result<Answer> {
+        if let (Self::Surface(belief), Some(motion)) = (&mut *self, &heard.moved) {
+            belief.announce_move(motion);
+        }
+        self.add_reading(&heard.reading, sensor)
+    }
+
+    fn add_reading(
+        &mut self,
+        reading: &Reading,
+        sensor: &SensorDescription,
+    ) -> anyhow::Result<Answer> {
         match self {
             Self::Sva(belief) => {
-                belief.add(&heard.reading, sensor)?;
+                belief.add(reading, sensor)?;
                 Ok(belief.answer(N_MODES))
             }
             Self::Surface(belief) => {
-                if let Some(motion) = &heard.moved {
-                    belief.announce_move(motion);
-                }
-                belief.add(&heard.reading, sensor);
+                belief.add(reading, sensor);
                 Ok(belief.answer(N_MODES))
             }
         }

@@ -11,15 +11,13 @@ use palpate_core::sensor::SensorDescription;
 use palpate_dissertation::appearance::model::{AppearanceModel, AppearanceRule};
 use palpate_dissertation::appearance::train::AppearanceConfig;
 use palpate_sim::noise::NoiseLevel;
-use palpate_sim::plot::{Line, Panel, svg};
+use palpate_sim::plot::{Line, Panel};
 use serde::Serialize;
 
-use crate::appearance_trials::{
-    Confused, Evidence, Point, accuracy_at, line, train_with_vocabulary_of,
-};
+use crate::appearance_trials::{Confused, Evidence, Point, accuracy_at, train_with_vocabulary_of};
 use crate::arguments::{ObjectSet, count};
 use crate::objects::{TestObject, touch_in_noise};
-use crate::report::{Outcome, Progress, Report};
+use crate::report::Report;
 
 /// The descriptors of figures 4.14 to 4.16: the three best and the control.
 pub const TOP_DESCRIPTORS: [DescriptorKind; 4] = [
@@ -158,34 +156,6 @@ impl ObjectTrials {
             held_back_share: 1.0 / 11.0,
             ..AppearanceConfig::default()
         }
-    }
-
-    /// Runs the descriptors of figures 4.14 to 4.16 in every setting, with one panel per
-    /// descriptor.
-    ///
-    /// # Errors
-    /// When objects cannot be read, touched or learnt.
-    pub fn sweep(&self, settings: &[Setting], progress: Progress<'_>) -> anyhow::Result<Outcome> {
-        let objects = self.objects()?;
-        let mut report = Report::default();
-        let mut lines: Vec<Vec<Line>> = TOP_DESCRIPTORS.iter().map(|_| Vec::new()).collect();
-        for (done, setting) in settings.iter().enumerate() {
-            progress(&format!("touching, {}", setting.name), done, settings.len());
-            let touched = self.touch(&objects, setting)?;
-            for (descriptor, lines) in TOP_DESCRIPTORS.iter().zip(&mut lines) {
-                let stage = format!("{}, {}", setting.name, descriptor.name());
-                progress(&stage, done, settings.len());
-                let tested = self.test(&touched, setting, &self.appearance(*descriptor))?;
-                rows(&mut report, setting, descriptor.name(), &objects, &tested.curve);
-                lines.push(line(&setting.name, &tested.curve));
-            }
-        }
-        let panels: Vec<Panel> = TOP_DESCRIPTORS
-            .iter()
-            .zip(lines)
-            .map(|(descriptor, lines)| panel(descriptor.name(), lines))
-            .collect();
-        Ok(Outcome { report, plot: svg(&panels), pictures: Vec::new() })
     }
 }
 

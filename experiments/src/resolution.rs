@@ -2,14 +2,15 @@
 
 use palpate_core::sensor::SensorDescription;
 
-use crate::object_trials::{ObjectTrials, Setting};
+use crate::object_trials::Setting;
+use crate::planner_trials::PlannerTrials;
 use crate::report::{Outcome, Progress};
 
 /// Runs the experiment.
 ///
 /// # Errors
 /// When objects cannot be read, touched or learnt.
-pub fn run(config: &ObjectTrials, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+pub fn run(config: &PlannerTrials, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     config.sweep(&settings(), progress)
 }
 
@@ -25,7 +26,7 @@ fn settings() -> Vec<Setting> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::object_trials::tests::small;
+    use crate::planner_trials::tests::small;
 
     #[test]
     fn a_small_run_states_every_resolution() {
@@ -33,7 +34,8 @@ mod tests {
         let summary = &outcome.report.summary;
         for key in ["6x6", "14x14", "26x26"] {
             assert!(summary[&format!("mnti_{key}_accuracy_at_20")] > 0.3, "{summary:?}");
+            assert!(summary.contains_key(&format!("mnti_{key}_explored_accuracy_at_20")));
         }
-        assert_eq!(outcome.plot.matches("<polyline").count(), 12);
+        assert_eq!(outcome.plot.matches("<polyline").count(), 2 * 12);
     }
 }

@@ -98,6 +98,14 @@ pub struct Contact {
     pub commands: usize,
 }
 
+impl Contact {
+    /// The mean pressure, pascal.
+    #[must_use]
+    pub fn strength(&self) -> f64 {
+        self.pressures.iter().sum::<f64>() / self.pressures.len() as f64
+    }
+}
+
 /// Result of a touch.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outcome {

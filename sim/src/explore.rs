@@ -21,7 +21,7 @@ use palpate_core::reading::{Reading, SensorId};
 use palpate_core::rng::{Purpose, Stream};
 
 use crate::arm::{Arm, ArmError, Configuration, InverseConfig, Target};
-use crate::controller::{Outcome, advanced, touch_carried};
+use crate::controller::{Landing, advanced, touch_recentered_carried};
 use crate::mesh::Mesh;
 use crate::press::PressSimulator;
 use cells::ContactCells;
@@ -274,35 +274,36 @@ impl<'a> Explorer<'a> {
         self.pressed.push(Pressed { met, rested: None });
         let start = scene.object_from_sensor(&touching);
         let mut at = touching;
+        let mut visited: Vec<(Pose, Configuration)> = Vec::new();
         let mut carry = |object_from_sensor: Pose| {
             let target = Target::Pose(scene.session_from_object * object_from_sensor);
             let next = self.arm.inverse_near(&target, &at, &InverseConfig::EXACT);
-            let next = next.filter(|next| scene.can_follow(&at, next));
-            let follows = next.is_some();
-            at = next.unwrap_or_else(|| at.clone());
-            follows
+            let Some(next) = next.filter(|next| scene.can_follow(&at, next)) else { return false };
+            at = next.clone();
+            visited.push((object_from_sensor, next));
+            true
         };
-        let contact_config = &self.config.contact;
-        let outcome = touch_carried(self.simulator, start, contact_config, &mut stream, &mut carry);
-        match outcome {
-            Outcome::Converged(contact) => {
-                let pose = self.arm.forward(&at).session_from_sensor;
+        let rules = &self.config.touch;
+        match touch_recentered_carried(self.simulator, start, rules, &mut stream, &mut carry) {
+            Landing::Converged { contact, .. } => {
+                // After shifts the arm may be past the best of several rests.
+                let rests = |visit: &&(Pose, Configuration)| visit.0 == contact.object_from_sensor;
+                let visit =
+                    visited.iter().rfind(rests).expect("the sensor rests where the arm got to");
+                let configuration = visit.1.clone();
+                let pose = self.arm.forward(&configuration).session_from_sensor;
                 let reading = self.simulator.reading(SensorId(0), pose, &contact.pressures);
                 let session_from_object = self.session_from_object;
-                let touch = Touch {
-                    reading,
-                    session_from_object,
-                    rounds: contact.rounds,
-                    configuration: at,
-                };
+                let touch =
+                    Touch { reading, session_from_object, rounds: contact.rounds, configuration };
                 self.settle(last_free, &touch);
                 Some(touch)
             }
-            Outcome::Unreachable => {
+            Landing::Unreachable => {
                 self.statistics.unreachable += 1;
                 None
             }
-            Outcome::Missed | Outcome::NoConvergence => {
+            Landing::Missed { .. } | Landing::NoConvergence => {
                 self.statistics.rejected += 1;
                 None
             }

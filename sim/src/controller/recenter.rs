@@ -117,7 +117,8 @@ pub fn touch_recentered(
 /// Like [`touch_recentered`], but with a sensor that an arm carries.
 ///
 /// `carry` receives every commanded `object_from_sensor` and returns whether the sensor got
-/// there; the first command that fails ends the touch.
+/// there; the first command that fails ends the touch, with the best rest so far if there is
+/// one. The rest's pose is one that `carry` got to, not always the last.
 #[must_use]
 pub fn touch_recentered_carried(
     simulator: &PressSimulator,
@@ -134,10 +135,10 @@ pub fn touch_recentered_carried(
             Approached::Felt(felt) => felt,
             Approached::Ended { travel } => {
                 let end = advanced(start, travel);
-                return if !carry(end) {
-                    Landing::Unreachable
-                } else if let Some(weak) = weak {
+                return if let Some(weak) = weak {
                     weak
+                } else if !carry(end) {
+                    Landing::Unreachable
                 } else {
                     let pressures = simulator.pressures(&simulator.free_press(), stream);
                     let miss = Miss { object_from_sensor: end, travel, pressures };
@@ -146,7 +147,7 @@ pub fn touch_recentered_carried(
             }
         };
         if !carry(felt.object_from_sensor) {
-            return Landing::Unreachable;
+            return weak.unwrap_or(Landing::Unreachable);
         }
         let threshold = config.contact.contact_threshold;
         let offset = contact_offset(simulator.sensor(), &felt.pressures, threshold);
@@ -155,7 +156,7 @@ pub fn touch_recentered_carried(
             let first = felt.object_from_sensor;
             let outcome = settle(simulator, first, &config.contact, stream, carry);
             if outcome == Outcome::Unreachable {
-                return Landing::Unreachable;
+                return weak.unwrap_or(Landing::Unreachable);
             }
             weak = stronger(weak, outcome, shifts);
             let is_strong = weak.as_ref().is_some_and(|found| mean(found) >= config.weak_below);
@@ -167,7 +168,7 @@ pub fn touch_recentered_carried(
         start = lifted * Pose::from_parts(DQuat::IDENTITY, offset);
         shifts += 1;
         if !(carry(lifted) && carry(start)) {
-            return Landing::Unreachable;
+            return weak.unwrap_or(Landing::Unreachable);
         }
     }
 }
@@ -185,9 +186,7 @@ fn stronger(found: Option<Landing>, outcome: Outcome, shifts: usize) -> Option<L
 /// The mean pressure at rest, pascal; 0 without a rest.
 fn mean(landing: &Landing) -> f64 {
     match landing {
-        Landing::Converged { contact: Contact { pressures, .. }, .. } => {
-            pressures.iter().sum::<f64>() / pressures.len() as f64
-        }
+        Landing::Converged { contact, .. } => contact.strength(),
         Landing::Missed { .. } | Landing::NoConvergence | Landing::Unreachable => 0.0,
     }
 }

@@ -8,7 +8,7 @@ use palpate_core::units::{DEG, MM};
 use super::perturb::Perturbation;
 use super::scene::Bounds;
 use crate::arm::ArmConfig;
-use crate::controller::ContactConfig;
+use crate::controller::RecenterConfig;
 use crate::press::PressSimulator;
 
 /// Whether the arm presses where it has pressed before.
@@ -56,8 +56,9 @@ pub struct ExploreConfig {
     pub perturbation: Option<Perturbation>,
     /// Maximum number of targets.
     pub iterations_max: usize,
-    /// The controllers' limits.
-    pub contact: ContactConfig,
+    /// The controllers' limits, and the centring of contacts that rest weakly; the default has
+    /// no shifts, as printed.
+    pub touch: RecenterConfig,
 }
 
 impl ExploreConfig {
@@ -90,7 +91,10 @@ impl ExploreConfig {
             turn_max: 60.0 * DEG,
             perturbation: None,
             iterations_max: 200_000,
-            contact: ContactConfig::for_sensor(simulator.sensor(), noise_level),
+            touch: RecenterConfig {
+                shifts_max: 0,
+                ..RecenterConfig::for_sensor(simulator.sensor(), noise_level)
+            },
         }
     }
 }
