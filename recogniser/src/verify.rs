@@ -15,4 +15,5 @@ pub(crate) mod null_model;
 #[cfg(test)]
 mod point_tests;
 pub mod reference;
+pub(crate) mod stated_prior;
 pub(crate) mod tool_error;
