@@ -49,6 +49,7 @@ pub mod solid_geometry;
 pub mod surface_noise;
 pub mod surface_objects;
 pub mod surface_scale;
+pub mod camera;
 pub mod skins;
 pub mod sva_objects;
 pub mod symmetry;

@@ -14,6 +14,10 @@ pub const WRONG: f64 = 0.1;
 /// Maximum number of hypotheses of one statement.
 pub const HYPOTHESES_MAX: usize = 64;
 
+/// A 6 × 6 covariance of a pose: x, y, z in metres, then the rotation vector about the session's
+/// axes in radians.
+pub type Covariance = Matrix6<f64>;
+
 /// A possible pose of the object.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PoseHypothesis {
@@ -21,9 +25,8 @@ pub struct PoseHypothesis {
     pub object: Option<ObjectIdx>,
     /// Mean of its pose.
     pub session_from_object: Pose,
-    /// Covariance of the pose: x, y, z in metres, then the rotation vector about the session's
-    /// axes in radians. Symmetric and positive definite.
-    pub covariance: Matrix6<f64>,
+    /// Covariance of the pose, symmetric and positive definite.
+    pub covariance: Covariance,
     /// Weight beside the other hypotheses, at least 0.
     pub weight: f64,
 }
@@ -106,9 +109,16 @@ pub enum PosePriorError {
 impl PoseHypothesis {
     /// The covariance of independent deviations along each axis (m) and about each axis (rad).
     #[must_use]
-    pub fn diagonal(position: f64, angle: f64) -> Matrix6<f64> {
+    pub fn diagonal(position: f64, angle: f64) -> Covariance {
         let (p, r) = (position.powi(2), angle.powi(2));
         Matrix6::from_diagonal(&[p, p, p, r, r, r].into())
+    }
+
+    /// A covariance from 36 numbers, row-major; `None` unless they are one.
+    #[must_use]
+    pub fn full(rows: &[f64]) -> Option<Covariance> {
+        let matrix = (rows.len() == 36).then(|| Matrix6::from_row_slice(rows))?;
+        is_covariance(&matrix).then_some(matrix)
     }
 }
 
@@ -175,8 +185,7 @@ fn check_weights(of: &'static str, weights: &[f64]) -> Result<(), PosePriorError
 const ASYMMETRY_MAX: f64 = 1e-6;
 
 /// Whether a matrix is a covariance: finite, symmetric, and positive definite.
-#[must_use]
-pub fn is_covariance(matrix: &Matrix6<f64>) -> bool {
+fn is_covariance(matrix: &Matrix6<f64>) -> bool {
     if !matrix.iter().all(|x| x.is_finite()) || (0..6).any(|n| matrix[(n, n)] <= 0.0) {
         return false;
     }

@@ -180,10 +180,22 @@ fn these(
 }
 
 /// All objects of the largest catalogue.
-struct Learnt {
-    model: SurfaceModel,
-    test: Vec<Vec<Reading>>,
+pub(crate) struct Learnt {
+    pub(crate) model: SurfaceModel,
+    pub(crate) test: Vec<Vec<Reading>>,
     names: Vec<String>,
+}
+
+/// The largest catalogue alone.
+pub(super) fn catalogue(
+    config: &SurfaceScale,
+    growth: &Growth,
+    parents: Vec<TestObject>,
+    report: &mut Report,
+    progress: Progress<'_>,
+) -> anyhow::Result<Learnt> {
+    let mut objects = Families::new(with_assembled(parents, config, growth)?, config.seed)?;
+    learn(config, growth, &mut objects, report, progress)
 }
 
 /// The model of all objects, and their test readings. Objects that cannot be touched often

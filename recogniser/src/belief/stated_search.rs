@@ -33,7 +33,7 @@ const PROPOSALS: usize = 48;
 const PROPOSALS_IF_MANY: usize = 16;
 
 /// κ₂ of equation R36: ln of the evidence of a pair (R17, k = 2) below that of its poses.
-const PAIR_BELOW_POSES: f64 = 17.0;
+const PAIR_BELOW_POSES: f64 = 28.0;
 
 /// Density below which a patch laid onto a touch counts nothing.
 const NEGLIGIBLE: f32 = 1e-6;

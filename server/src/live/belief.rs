@@ -26,12 +26,14 @@ use palpate_dissertation::geometric::{
 use palpate_dissertation::sva::{SvaBelief, SvaOptions};
 use palpate_recogniser::belief::SurfaceBelief;
 use palpate_recogniser::next_touch::{Ranking, rank};
+use palpate_recogniser::pose_prior::PosePriorError;
 use palpate_schemas::{FieldError, Method};
 use palpate_store::entity::{Session, StoredReading};
 use thiserror::Error;
 
 use crate::model::{Model, NoPart};
 use crate::wire::Invalid;
+use crate::wire::camera::stated;
 use crate::wire::geometry::core_prior;
 use crate::wire::next_touch::Question;
 use crate::wire::reading::{ERRORS_MAX, Incoming};
@@ -65,6 +67,8 @@ pub(crate) enum BeliefError {
     #[error(transparent)]
     Recognise(#[from] MismatchError),
     #[error(transparent)]
+    PosePrior(#[from] PosePriorError),
+    #[error(transparent)]
     Geometric(#[from] GeometricError),
     #[error(transparent)]
     Appearance(#[from] AppearanceError),
@@ -88,8 +92,8 @@ impl SessionBelief {
         match options.method {
             Method::Surface => {
                 let surfaces = Arc::clone(model.surface()?);
-                let options = surface_options(&options);
-                Ok(Self::Surface(Box::new(SurfaceBelief::new(surfaces, options, prior)?)))
+                let belief = SurfaceBelief::new(surfaces, surface_options(&options), prior)?;
+                Ok(Self::Surface(Box::new(seen(belief, &options, model)?)))
             }
             Method::Sva => {
                 let belief = SvaBelief::new(sva(), SvaOptions::default(), prior)?;
@@ -219,8 +223,8 @@ impl SessionBelief {
         sensor: &SensorDescription,
     ) -> bool {
         let Self::Surface(belief) = self else { return false };
-        if stored.object_moved.is_some() {
-            belief.retrace_move();
+        if let Some(motion) = &stored.object_moved {
+            belief.retrace_move(motion);
         }
         match felt {
             Felt::Press(reading) => belief.retrace(reading, sensor),
@@ -267,6 +271,19 @@ impl SessionBelief {
     ) -> Option<Ranking> {
         let Self::Surface(belief) = self else { return None };
         rank(belief, question.approaches.as_deref(), &question.options, should_stop).ok()
+    }
+}
+
+/// A new belief with what a camera said in its session; objects that the model lacks are left out.
+pub(crate) fn seen(
+    belief: SurfaceBelief,
+    options: &Options,
+    model: &Model,
+) -> Result<SurfaceBelief, BeliefError> {
+    let Some(stored) = &options.pose_prior else { return Ok(belief) };
+    match stated(stored, model)? {
+        Some(prior) => Ok(belief.with_pose_prior(&prior)?),
+        None => Ok(belief),
     }
 }
 
