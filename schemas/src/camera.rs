@@ -9,7 +9,7 @@ use crate::reading::Looseness;
 /// A possible pose of the object, with its uncertainty: `deviation` or `covariance`.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
-pub struct PoseHypothesis {
+pub struct StatedPose {
     /// Id or name of the object that was seen. Default: any object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(max_length = 64, example = "mug")]

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use uuid::Uuid;
 
-use crate::camera::{ClassWeight, PoseHypothesis, WorkspaceBox};
+use crate::camera::{ClassWeight, StatedPose, WorkspaceBox};
 use crate::pose::Pose;
 
 /// Training options of the methods `geometric…`.
@@ -189,7 +189,7 @@ pub enum PosePrior {
         /// Possible poses. Default: any pose in the workspace.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         #[schema(max_items = 64)]
-        hypotheses: Vec<PoseHypothesis>,
+        hypotheses: Vec<StatedPose>,
         /// A detector's weights of objects, which multiply the session's `prior`. Objects that are
         /// not listed have the weight 0. Default: all objects weigh the same.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]

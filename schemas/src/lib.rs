@@ -56,7 +56,7 @@ pub use calibration::{
     SensorCalibration, SpreadCalibration, SpreadPress, SpreadPresses, TaxelCalibration, TaxelPlace,
     TaxelState,
 };
-pub use camera::{ClassWeight, PoseHypothesis, WorkspaceBox};
+pub use camera::{ClassWeight, StatedPose, WorkspaceBox};
 pub use commissioning::{
     CommissionSensor, CommissionedTouch, Commissioning, CommissioningReading, Finding, FindingName,
     FindingVerdict, Measured, Passport, PoseDirection, QuaternionOrder, ReferenceBodies,

@@ -52,7 +52,7 @@ pub(super) fn checked(
     let [low, high] = WRONG_SHARE;
     let wrong = number("/pose_prior/wrong", wrong.unwrap_or(WRONG), low, high)?;
     let checked = hypotheses.iter().enumerate().map(|(n, one)| hypothesis(n, one, model));
-    let hypotheses: Vec<wire::PoseHypothesis> = checked.collect::<Result<_, _>>()?;
+    let hypotheses: Vec<wire::StatedPose> = checked.collect::<Result<_, _>>()?;
     let weights = hypotheses.iter().filter_map(|one| one.weight);
     some("/pose_prior/hypotheses", weights)?;
     let class_weights = classes(class_weights, model, prior)?;
@@ -63,9 +63,9 @@ pub(super) fn checked(
 
 fn hypothesis(
     index: usize,
-    given: &wire::PoseHypothesis,
+    given: &wire::StatedPose,
     model: &Model,
-) -> Result<wire::PoseHypothesis, Invalid> {
+) -> Result<wire::StatedPose, Invalid> {
     let pointer = format!("/pose_prior/hypotheses/{index}");
     let found =
         given.object.as_deref().map(|object| find(&format!("{pointer}/object"), object, model));
@@ -85,7 +85,7 @@ fn hypothesis(
             return Err(Invalid::field(pointer, detail));
         }
     }
-    Ok(wire::PoseHypothesis { object, weight: Some(weight), ..given.clone() })
+    Ok(wire::StatedPose { object, weight: Some(weight), ..given.clone() })
 }
 
 fn classes(
