@@ -179,7 +179,6 @@ pub(super) fn pair_correction(object: &ObjectBelief, stated: &StatedPrior) -> f6
         score(hypothesis) - f64::from(stated)
     });
     let known = log_sum_exp(without);
-    eprintln!("KAPPA {index} {} {}", known - object.log_evidence, object.log_evidence);
     // Poses that the search has not found count as the pair's evidence says.
     let all = known.max(object.log_evidence + PAIR_BELOW_POSES);
     let (_, _, wrong) = stated.shares(index);

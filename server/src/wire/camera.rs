@@ -53,8 +53,8 @@ pub(super) fn checked(
     let wrong = number("/pose_prior/wrong", wrong.unwrap_or(WRONG), low, high)?;
     let checked = hypotheses.iter().enumerate().map(|(n, one)| hypothesis(n, one, model));
     let hypotheses: Vec<wire::StatedPose> = checked.collect::<Result<_, _>>()?;
-    let weights = hypotheses.iter().filter_map(|one| one.weight);
-    some("/pose_prior/hypotheses", weights)?;
+    let weights: Vec<f64> = hypotheses.iter().filter_map(|one| one.weight).collect();
+    some("/pose_prior/hypotheses", &weights)?;
     let class_weights = classes(class_weights, model, prior)?;
     workspace.as_ref().map(check_box).transpose()?;
     let wrong = Some(wrong);
@@ -107,18 +107,17 @@ fn classes(
         possible.push(weight * prior.get(object).copied().unwrap_or(1.0));
         checked.push(wire::ClassWeight { object: model.objects[object].id.to_string(), weight });
     }
-    some("/pose_prior/class_weights", possible.into_iter())?;
+    some("/pose_prior/class_weights", &possible)?;
     Ok(checked)
 }
 
 /// Refuses weights that are all 0.
-fn some(pointer: &str, weights: impl ExactSizeIterator<Item = f64>) -> Result<(), Invalid> {
-    if weights.len() == 0 {
+fn some(pointer: &str, weights: &[f64]) -> Result<(), Invalid> {
+    if weights.is_empty() || weights.iter().any(|weight| *weight > 0.0) {
         return Ok(());
     }
-    let sum: f64 = weights.sum();
     let detail = "all weights of possible objects are 0, expected one above 0";
-    (sum > 0.0).then_some(()).ok_or_else(|| Invalid::field(pointer, detail))
+    Err(Invalid::field(pointer, detail))
 }
 
 fn weight(pointer: &str, found: f64) -> Result<f64, Invalid> {
