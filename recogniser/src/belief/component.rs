@@ -267,7 +267,9 @@ impl Component {
         if needs_positions {
             positions::propose_by_positions(objects, &evidence, &scope);
         }
-        self.propose_stated(common);
+        if is_open {
+            self.propose_stated(common);
+        }
     }
 
     /// The newest touch and some partners propose poses of the likeliest objects.

@@ -22,15 +22,15 @@ use crate::verify::motion_prior::StatedOf;
 use crate::verify::stated_prior::{Drawn, StatedPrior};
 
 /// Rotations of all hypotheses together, and the least number of one.
-const ROTATIONS: usize = 48;
+const ROTATIONS: usize = 24;
 const ROTATIONS_MIN: usize = 4;
 
 /// Rotations of all hypotheses together in a large catalogue.
 const ROTATIONS_IF_MANY: usize = 16;
 
-/// Poses of an object that are proposed after a touch, and in a large catalogue.
-const PROPOSALS: usize = 48;
-const PROPOSALS_IF_MANY: usize = 16;
+/// Poses of an object that are proposed after a touch, and those of them that are refined.
+const PROPOSALS: usize = 16;
+const REFINED: usize = 3;
 
 /// κ₂ of equation R36: ln of the evidence of a pair (R17, k = 2) below that of its poses.
 const PAIR_BELOW_POSES: f64 = 28.0;
@@ -44,7 +44,6 @@ pub(super) struct Turned<'a> {
     drawn: Vec<Drawn>,
     /// Patches that are laid onto a touch: the first ones, which cover the surface evenly.
     n_patches: usize,
-    n_proposals: usize,
 }
 
 impl<'a> Turned<'a> {
@@ -59,7 +58,6 @@ impl<'a> Turned<'a> {
             stated,
             drawn: (0..stated.n_poses()).map(draws).collect(),
             n_patches: n_patches.unwrap_or(usize::MAX),
-            n_proposals: if n_patches.is_none() { PROPOSALS } else { PROPOSALS_IF_MANY },
         }
     }
 
@@ -155,13 +153,13 @@ pub(super) fn propose_stated(
             });
         }
         proposals.sort_by(|a, b| b.weight.total_cmp(&a.weight));
-        proposals.truncate(turned.n_proposals);
+        proposals.truncate(PROPOSALS);
         let known = object.known(map);
         let bar = floor + wrong.max(f64::MIN_POSITIVE).ln() as f32;
         let mut new = judged(evidence, known, &proposals, &judges, bar);
         if touches.len() > 1 {
             merge(&mut new, options);
-            new.truncate(options.budget.refined_proposals);
+            new.truncate(REFINED);
             new.iter_mut().for_each(|hypothesis| settle(evidence, hypothesis, known));
         }
         object.hypotheses.extend(new);

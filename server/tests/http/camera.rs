@@ -38,7 +38,8 @@ async fn a_named_object_is_likelier_before_any_touch_and_shown() {
     let objects = objects["objects"].as_array().unwrap();
     let names: Vec<&str> = objects.iter().map(|it| it["name"].as_str().unwrap()).collect();
     let first = names[0];
-    let shown = it.post("/v1/sessions", &json!({"pose_prior": seen(Some(first))})).await.expect(201);
+    let shown =
+        it.post("/v1/sessions", &json!({"pose_prior": seen(Some(first))})).await.expect(201);
     let prior = &shown["pose_prior"];
     assert_eq!(prior["kind"], "camera");
     assert_eq!(prior["hypotheses"][0]["object"], objects[0]["id"], "ids survive new names");
@@ -66,7 +67,8 @@ async fn one_touch_gives_a_pose_and_a_restart_the_same_belief() {
     let path = format!("/v1/sessions/{session}/belief");
     let before = it.get(&path).await.expect(200);
     // Without the checkpoint the readings are folded again.
-    let it = it.restart_after(|folder| std::fs::remove_dir_all(folder.join("checkpoints")).unwrap());
+    let it =
+        it.restart_after(|folder| std::fs::remove_dir_all(folder.join("checkpoints")).unwrap());
     let it = it.await;
     assert_eq!(content(&it.get(&path).await.expect(200)), content(&before));
     let many = touched(&it, &session, BAR, 8).await;
@@ -108,9 +110,7 @@ async fn what_no_camera_can_say_is_refused_at_its_field() {
         prior
     };
     let many = vec![seen(None)["hypotheses"][0].clone(); 65];
-    let boxed = |high: [f64; 3]| {
-        json!({"kind": "camera", "workspace": {"low": [0.0, 0.0, 0.0], "high": high}})
-    };
+    let boxed = |high: [f64; 3]| json!({"kind": "camera", "workspace": {"low": [0.0, 0.0, 0.0], "high": high}});
     let classes = |weights: Value| json!({"kind": "camera", "class_weights": weights});
     for (prior, pointer) in [
         (json!({"kind": "camera"}), "/pose_prior"),
@@ -120,7 +120,10 @@ async fn what_no_camera_can_say_is_refused_at_its_field() {
         (at("object", json!("never trained")), "/pose_prior/hypotheses/0/object"),
         (at("weight", json!(-1.0)), "/pose_prior/hypotheses/0/weight"),
         (at("weight", json!(0.0)), "/pose_prior/hypotheses"),
-        (at("pose/orientation", json!([0.0, 0.0, 0.0, 2.0])), "/pose_prior/hypotheses/0/pose/orientation"),
+        (
+            at("pose/orientation", json!([0.0, 0.0, 0.0, 2.0])),
+            "/pose_prior/hypotheses/0/pose/orientation",
+        ),
         (at("pose/position", json!([0.0, 1e9, 0.0])), "/pose_prior/hypotheses/0/pose/position/1"),
         (at("deviation/angle_rad", json!(0.0)), "/pose_prior/hypotheses/0/deviation/angle_rad"),
         (at("covariance", json!(flat)), "/pose_prior/hypotheses/0"),
@@ -129,8 +132,10 @@ async fn what_no_camera_can_say_is_refused_at_its_field() {
         (with("/hypotheses", json!(many)), "/pose_prior/hypotheses"),
         (boxed([1.0, 0.0, 1.0]), "/pose_prior/workspace/high/1"),
         (classes(json!([{"object": "bar", "weight": 0.0}])), "/pose_prior/class_weights"),
-        (classes(json!([{"object": "bar", "weight": 1.0}, {"object": "bar", "weight": 1.0}])),
-            "/pose_prior/class_weights/1/object"),
+        (
+            classes(json!([{"object": "bar", "weight": 1.0}, {"object": "bar", "weight": 1.0}])),
+            "/pose_prior/class_weights/1/object",
+        ),
     ] {
         let refused = it.post("/v1/sessions", &json!({"pose_prior": prior})).await;
         refused.problem(422, "invalid-value", Some(pointer));
