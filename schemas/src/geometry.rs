@@ -193,7 +193,7 @@ pub enum PosePrior {
         /// A detector's weights of objects, which multiply the session's `prior`. Objects that are
         /// not listed have the weight 0. Default: all objects weigh the same.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
-        #[schema(max_items = 10_000)]
+        #[schema(max_items = 1_000)]
         class_weights: Vec<ClassWeight>,
         /// Box that holds the object. Default: anywhere.
         #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -17,7 +17,7 @@ use crate::wire::reading::{looseness, pose};
 use crate::wire::{Invalid, number};
 
 /// Maximum number of weights of objects.
-const CLASSES_MAX: usize = 10_000;
+const CLASSES_MAX: usize = 1_000;
 /// Permitted weights.
 const WEIGHT_MAX: f64 = 1e6;
 /// Permitted deviations of a covariance along each axis, in metres.
