@@ -33,6 +33,7 @@ use serde::Serialize;
 
 use crate::arguments::{ObjectSet, TouchSet, count};
 use crate::disturbance::Disturbance;
+use crate::families::Families;
 use crate::object_sessions::{Recogniser, Sessions, train_surface, train_sva};
 use crate::objects::{self, TestObject};
 use crate::played::Played;
@@ -191,7 +192,10 @@ pub(crate) fn families(
 ) -> anyhow::Result<thousand::Learnt> {
     let config = SurfaceScale { seed, touches: touches.clone(), ..crate::arguments::defaults() };
     let parents = candidates(&config, PARENTS)?;
-    thousand::catalogue(&config, &Growth::up_to(n), parents, report, progress)
+    let growth = Growth::up_to(n);
+    let parents = thousand::with_assembled(parents, &config, &growth)?;
+    let mut objects = Families::new(parents, seed)?;
+    thousand::learn(&config, &growth, &mut objects, report, progress)
 }
 
 /// The first objects, then the others in an order drawn once for all seeds.

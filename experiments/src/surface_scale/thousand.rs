@@ -145,7 +145,7 @@ pub(super) fn run(
 
 /// The parents of families: the given objects without letters, which as solids share most of
 /// their surface, and procedural objects.
-fn with_assembled(
+pub(super) fn with_assembled(
     given: Vec<TestObject>,
     config: &SurfaceScale,
     growth: &Growth,
@@ -186,21 +186,9 @@ pub(crate) struct Learnt {
     names: Vec<String>,
 }
 
-/// The largest catalogue alone.
-pub(super) fn catalogue(
-    config: &SurfaceScale,
-    growth: &Growth,
-    parents: Vec<TestObject>,
-    report: &mut Report,
-    progress: Progress<'_>,
-) -> anyhow::Result<Learnt> {
-    let mut objects = Families::new(with_assembled(parents, config, growth)?, config.seed)?;
-    learn(config, growth, &mut objects, report, progress)
-}
-
 /// The model of all objects, and their test readings. Objects that cannot be touched often
 /// enough are left out and named in a row.
-fn learn(
+pub(super) fn learn(
     config: &SurfaceScale,
     growth: &Growth,
     objects: &mut Families,

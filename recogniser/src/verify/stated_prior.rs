@@ -6,12 +6,12 @@
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
-use glam::{DMat3, DQuat, DVec3, Mat3, Quat, Vec3};
-use libm::erf;
+use glam::{DQuat, DVec3, Mat3, Quat, Vec3};
 use nalgebra::{Cholesky, Matrix3, Matrix6, Vector3};
 use palpate_core::object::ObjectIdx;
 use palpate_core::reading::Looseness;
 
+use super::gaussian::{inside, normalizer, normals, quasi_normal, share_inside, single};
 use crate::observe::inverse_pose::InversePose;
 use crate::options::SurfaceOptions;
 use crate::pose_prior::{PoseHypothesis, PosePrior, PosePriorError, Workspace, block};
@@ -22,9 +22,6 @@ const FAR: f32 = 50.0;
 /// Share of objects that are taken for another one and stand as that one would; the others may be
 /// turned any way.
 const ALIKE: f32 = 0.5;
-
-/// Quasi-random rotations by which a density over rotations is normalised.
-const NORMALIZED_BY: usize = 256;
 
 /// Least share of a hypothesis inside the workspace.
 const INSIDE_MIN: f64 = 1e-3;
@@ -180,7 +177,7 @@ impl StatedPrior {
         let moved = statement.moved;
         let variance = |n: usize| moved[n] + alike[n] + more[n];
         let wider = PoseHypothesis::diagonal(variance(0).sqrt(), variance(1).sqrt());
-        let normals: Vec<Vector3<f64>> = (0..NORMALIZED_BY).map(quasi_normal).collect();
+        let normals = normals();
         let pose = |hypothesis: &PoseHypothesis| {
             let covariance = hypothesis.covariance + wider;
             StatedPose::new(hypothesis, covariance, *anchor, statement, *volume, &normals)
@@ -382,72 +379,6 @@ impl Drawn {
         let square = off.dot(self.inverse * off);
         if square > FAR { 0.0 } else { self.peak * (-0.5 * square).exp() }
     }
-}
-
-/// Mean over the rotations of a Gaussian of the volume of rotations beside that of their vectors: 1
-/// for a narrow one.
-fn normalizer(covariance: &Matrix3<f64>, normals: &[Vector3<f64>]) -> f64 {
-    let factor = Cholesky::new(*covariance).expect("checked").l();
-    let volume = |normal: &Vector3<f64>| {
-        let angle = (factor * normal).norm();
-        if angle < 1e-3 {
-            1.0
-        } else if angle > PI {
-            0.0
-        } else {
-            2.0 * (1.0 - angle.cos()) / angle.powi(2)
-        }
-    };
-    let mean = normals.iter().map(volume).sum::<f64>() / normals.len() as f64;
-    mean.max(1.0 / normals.len() as f64)
-}
-
-/// The share of a Gaussian about `center` inside the box, by its marginals.
-fn share_inside(place: &Matrix3<f64>, center: DVec3, space: Workspace) -> f64 {
-    let (low, high) = ((space.low - center).to_array(), (space.high - center).to_array());
-    (0..3).map(|n| between(low[n], high[n], place[(n, n)])).product()
-}
-
-/// The share of a Gaussian of this variance (m²) about `place` inside the box.
-fn inside(place: DVec3, [low, high]: [Vec3; 2], variance: f64) -> f64 {
-    let (low, high) = (low.as_dvec3() - place, high.as_dvec3() - place);
-    let both = low.to_array().into_iter().zip(high.to_array());
-    both.map(|(low, high)| between(low, high, variance)).product()
-}
-
-/// The probability that a normal variable of this variance lies from `low` to `high`.
-fn between(low: f64, high: f64, variance: f64) -> f64 {
-    let scale = (2.0 * variance).sqrt();
-    0.5 * (erf(high / scale) - erf(low / scale))
-}
-
-/// The n-th of a fixed sequence of three independent standard normal numbers; the first is 0.
-/// Halton's sequence by the transform of Box and Muller.
-fn quasi_normal(n: usize) -> Vector3<f64> {
-    if n == 0 {
-        return Vector3::zeros();
-    }
-    let pair = |a: usize, b: usize| {
-        let (radius, angle) = ((-2.0 * halton(n, a).ln()).sqrt(), TAU * halton(n, b));
-        (radius * angle.cos(), radius * angle.sin())
-    };
-    let ((x, y), (z, _)) = (pair(2, 3), pair(5, 7));
-    Vector3::new(x, y, z)
-}
-
-/// The n-th number, from 1 on, of the sequence of van der Corput with this base.
-fn halton(mut n: usize, base: usize) -> f64 {
-    let (mut result, mut step) = (0.0, 1.0);
-    while n > 0 {
-        step /= base as f64;
-        result += step * (n % base) as f64;
-        n /= base;
-    }
-    result
-}
-
-fn single(matrix: &Matrix3<f64>) -> Mat3 {
-    DMat3::from_cols_slice(matrix.as_slice()).as_mat3()
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@
 //! readings that a method cannot fold before they are stored.
 
 mod comparison;
+mod seen;
 
 use std::sync::Arc;
 
@@ -33,11 +34,11 @@ use thiserror::Error;
 
 use crate::model::{Model, NoPart};
 use crate::wire::Invalid;
-use crate::wire::camera::stated;
 use crate::wire::geometry::core_prior;
 use crate::wire::next_touch::Question;
 use crate::wire::reading::{ERRORS_MAX, Incoming};
 use crate::wire::session::{Options, options, surface_options};
+pub(crate) use seen::seen;
 
 /// Scale at which refined poses of pair maps are equal: half a bin and a few degrees.
 const SVA_SCALE: OrbitScale = OrbitScale { distance: 4.0 * MM, angle: 8.0 * DEG };
@@ -271,19 +272,6 @@ impl SessionBelief {
     ) -> Option<Ranking> {
         let Self::Surface(belief) = self else { return None };
         rank(belief, question.approaches.as_deref(), &question.options, should_stop).ok()
-    }
-}
-
-/// A new belief with what a camera said in its session; objects that the model lacks are left out.
-pub(crate) fn seen(
-    belief: SurfaceBelief,
-    options: &Options,
-    model: &Model,
-) -> Result<SurfaceBelief, BeliefError> {
-    let Some(stored) = &options.pose_prior else { return Ok(belief) };
-    match stated(stored, model)? {
-        Some(prior) => Ok(belief.with_pose_prior(&prior)?),
-        None => Ok(belief),
     }
 }
 
