@@ -7,6 +7,7 @@ use clap::{Parser, Subcommand};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
+use crate::camera::{self, Camera};
 use crate::commissioning::{self, CommissioningTrials};
 use crate::consistency::{self, Consistency};
 use crate::contact_rates::{self, ContactRates};
@@ -89,6 +90,8 @@ pub enum Experiment {
     SurfaceObjects(SurfaceObjects),
     /// Catalogues of fifty, a hundred and on demand a thousand objects.
     SurfaceScale(SurfaceScale),
+    /// Touches needed with and without a camera's word about the pose, true or not.
+    Camera(Camera),
     /// Presses until an object is recognised and stays so, by choice of the next touch.
     NextTouch(NextTouch),
     /// Objects that the catalogue does not hold: detection, calibration and the stop rule.
@@ -155,6 +158,7 @@ impl Experiment {
             Self::RealEdges(config) => real_edges::run(config, progress),
             Self::Consistency(config) => consistency::run(config, progress),
             Self::SurfaceObjects(config) => surface_objects::run(config, progress),
+            Self::Camera(config) => camera::run(config, progress),
             Self::SurfaceScale(config) => surface_scale::run(config, progress),
             Self::NextTouch(config) => next_touch::run(config, progress),
             Self::Unknown(config) => unknown::run(config, progress),

@@ -53,6 +53,7 @@ pub mod solid_geometry;
 pub mod surface_noise;
 pub mod surface_objects;
 pub mod surface_scale;
+pub mod camera;
 pub mod skins;
 pub mod printed_sva;
 pub mod sva_objects;

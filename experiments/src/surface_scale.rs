@@ -33,6 +33,7 @@ use serde::Serialize;
 
 use crate::arguments::{ObjectSet, TouchSet, count};
 use crate::disturbance::Disturbance;
+use crate::families::Families;
 use crate::object_sessions::{Recogniser, Sessions, train_surface, train_sva};
 use crate::objects::{self, TestObject};
 use crate::played::Played;
@@ -46,6 +47,9 @@ pub const LETTERS: &str = "ABCDEFGHIJKLMNOPQRSTXY";
 
 /// Prefix of the names of letters.
 const LETTER: &str = "upper_";
+
+/// Objects that families begin with, beside procedural ones.
+const PARENTS: usize = 100;
 
 /// Seed of the order of objects: the selection for a catalogue of fifty does not depend on the
 /// seed of the trials.
@@ -172,6 +176,26 @@ fn candidates(config: &SurfaceScale, wanted: usize) -> anyhow::Result<Vec<TestOb
 pub(crate) fn own_objects(n: usize, size: f64) -> anyhow::Result<Vec<TestObject>> {
     let first = objects::generated(&shapes::PUBLIC_NAMES, size)?;
     Ok(in_order(first, own::letters(size)?, own::procedural(n, size)?))
+}
+
+/// A catalogue of this many objects as that of `--thousand`, with test readings and symmetries of
+/// its objects: procedural ones and families, none of them letters.
+///
+/// # Errors
+/// When an object cannot be made, or too few can be touched.
+pub(crate) fn families(
+    n: usize,
+    seed: u64,
+    touches: &TouchSet,
+    report: &mut Report,
+    progress: Progress<'_>,
+) -> anyhow::Result<thousand::Learnt> {
+    let config = SurfaceScale { seed, touches: touches.clone(), ..crate::arguments::defaults() };
+    let parents = candidates(&config, PARENTS)?;
+    let growth = Growth::up_to(n);
+    let parents = thousand::with_assembled(parents, &config, &growth)?;
+    let mut objects = Families::new(parents, seed)?;
+    thousand::learn(&config, &growth, &mut objects, report, progress)
 }
 
 /// The first objects, then the others in an order drawn once for all seeds.

@@ -26,6 +26,7 @@ mod retrieval;
 mod samples;
 mod search;
 mod stage;
+mod stated_search;
 mod stop_fit;
 mod surface_belief;
 

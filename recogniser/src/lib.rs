@@ -6,6 +6,7 @@
 //! methods.
 
 pub mod options;
+pub mod pose_prior;
 pub mod model;
 pub mod observe;
 pub mod train;

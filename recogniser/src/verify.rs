@@ -9,10 +9,12 @@ pub(crate) mod density;
 mod density_tests;
 pub(crate) mod evidence;
 pub(crate) mod free_space;
+mod gaussian;
 pub(crate) mod hypothesis;
 pub(crate) mod motion_prior;
 pub(crate) mod null_model;
 #[cfg(test)]
 mod point_tests;
 pub mod reference;
+pub(crate) mod stated_prior;
 pub(crate) mod tool_error;

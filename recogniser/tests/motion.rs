@@ -212,7 +212,7 @@ fn check_resumed(steps: &[Step]) {
         for each in &steps[..n] {
             match each {
                 Step::Touch(reading) => resumed.retrace(reading, &sensor),
-                Step::Moved(_) => resumed.retrace_move(),
+                Step::Moved(motion) => resumed.retrace_move(motion),
             }
         }
         assert_eq!(resumed.clone().resume(&kept[n][..kept[n].len() - 1]), Err(NotCheckpoint));

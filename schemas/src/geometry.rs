@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use uuid::Uuid;
 
+use crate::camera::{ClassWeight, StatedPose, WorkspaceBox};
 use crate::pose::Pose;
 
 /// Training options of the methods `geometric…`.
@@ -179,6 +180,29 @@ pub enum PosePrior {
         /// Maximum rotation about each of the session's axes, in radians, 0.001 to π.
         #[schema(minimum = 0.001)]
         half_angle: f64,
+    },
+    /// A camera's word, for the method `surface`: hypotheses of the pose, a detector's weights of
+    /// objects, a workspace, or several of these. Touches overrule it. It holds for the object as
+    /// it lies at the first touch.
+    #[schema(title = "CameraPosePrior")]
+    Camera {
+        /// Possible poses. Default: any pose in the workspace.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        #[schema(max_items = 64)]
+        hypotheses: Vec<StatedPose>,
+        /// A detector's weights of objects, which multiply the session's `prior`. Objects that are
+        /// not listed have the weight 0. Default: all objects weigh the same.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        #[schema(max_items = 1_000)]
+        class_weights: Vec<ClassWeight>,
+        /// Box that holds the object. Default: anywhere.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        workspace: Option<WorkspaceBox>,
+        /// Share of such statements that are wrong, 0.001 to 0.9; with it the object and its pose
+        /// are as if nothing had been said. Default: 0.1.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schema(minimum = 0.001, maximum = 0.9, example = 0.1)]
+        wrong: Option<f64>,
     },
 }
 

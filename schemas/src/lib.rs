@@ -15,10 +15,11 @@ pub mod labels;
 pub mod method;
 pub mod page;
 pub mod pose;
-pub mod geometry;
 pub mod next_touch;
 pub mod problem;
 pub mod reading;
+pub mod camera;
+pub mod geometry;
 pub mod symmetry;
 pub mod warning;
 pub mod belief;
@@ -55,6 +56,7 @@ pub use calibration::{
     SensorCalibration, SpreadCalibration, SpreadPress, SpreadPresses, TaxelCalibration, TaxelPlace,
     TaxelState,
 };
+pub use camera::{ClassWeight, StatedPose, WorkspaceBox};
 pub use commissioning::{
     CommissionSensor, CommissionedTouch, Commissioning, CommissioningReading, Finding, FindingName,
     FindingVerdict, Measured, Passport, PoseDirection, QuaternionOrder, ReferenceBodies,

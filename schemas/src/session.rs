@@ -50,8 +50,9 @@ pub struct CreateSession {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(exclusive_minimum = 0.0, exclusive_maximum = 1.0, example = 0.05)]
     pub unknown_prior: Option<f64>,
-    /// Prior of the object's pose, for the methods `geometric…`. Default: for maps of kind
-    /// `planar`, the planar prior's defaults; maps of kind `solid` require it.
+    /// Prior of the object's pose: of kind `camera` for the method `surface`, by default none; of
+    /// the other kinds for the methods `geometric…`, by default the planar prior's defaults for
+    /// maps of kind `planar`, while maps of kind `solid` require it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pose_prior: Option<PosePrior>,
     /// Number of bins per object along x, y and the rotation, each 2 to 200, at most 100000 in
@@ -180,7 +181,7 @@ pub struct Session {
     pub version: u32,
     /// Recognition method.
     pub method: Method,
-    /// Prior of the object's pose, with defaults; null for methods without one.
+    /// Prior of the object's pose, with defaults and ids of objects; null without one.
     pub pose_prior: Option<PosePrior>,
     /// Number of bins per object along x, y and the rotation; null unless the method is
     /// `geometric_histogram`.

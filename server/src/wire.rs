@@ -9,6 +9,7 @@ pub(crate) mod analysis;
 pub(crate) mod appearance;
 pub(crate) mod belief;
 pub(crate) mod calibration;
+pub(crate) mod camera;
 pub(crate) mod commissioning;
 pub(crate) mod coupling;
 mod descriptor;

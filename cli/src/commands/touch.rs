@@ -18,6 +18,7 @@ use super::Context;
 use super::sensors::parse_preset;
 use crate::calibrated;
 use crate::exit::Ended;
+use crate::json_file::read_json;
 use crate::output;
 use crate::robot::{self, Approach, Robot};
 use crate::trial::{self, Step, StopRule, TrialResult, Truth};
@@ -65,6 +66,10 @@ pub(crate) struct TouchArgs {
     /// [default: 0.05].
     #[arg(long, value_name = "PROBABILITY")]
     unknown_prior: Option<f64>,
+    /// What a camera says about the object and its pose, for `surface`: a JSON file with a
+    /// `pose_prior` of kind `camera`, or `-` for standard input.
+    #[arg(long, value_name = "FILE")]
+    prior: Option<PathBuf>,
     /// Sensor of the robot.
     #[arg(long, default_value = "digitacts-6x6", value_parser = parse_preset)]
     sensor: SensorPreset,
@@ -115,9 +120,12 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
         version: Some(current),
         method,
         unknown_prior: args.unknown_prior,
-        pose_prior: method
-            .is_some_and(Method::is_geometric)
-            .then(|| robot.pose_prior(truth.origin_in_mesh)),
+        pose_prior: match args.prior {
+            Some(path) => Some(read_json(path)?),
+            None => method
+                .is_some_and(Method::is_geometric)
+                .then(|| robot.pose_prior(truth.origin_in_mesh)),
+        },
         ..CreateSession::default()
     };
     if method.is_some_and(Method::is_appearance) {

@@ -145,7 +145,7 @@ pub(super) fn run(
 
 /// The parents of families: the given objects without letters, which as solids share most of
 /// their surface, and procedural objects.
-fn with_assembled(
+pub(super) fn with_assembled(
     given: Vec<TestObject>,
     config: &SurfaceScale,
     growth: &Growth,
@@ -180,15 +180,15 @@ fn these(
 }
 
 /// All objects of the largest catalogue.
-struct Learnt {
-    model: SurfaceModel,
-    test: Vec<Vec<Reading>>,
+pub(crate) struct Learnt {
+    pub(crate) model: SurfaceModel,
+    pub(crate) test: Vec<Vec<Reading>>,
     names: Vec<String>,
 }
 
 /// The model of all objects, and their test readings. Objects that cannot be touched often
 /// enough are left out and named in a row.
-fn learn(
+pub(super) fn learn(
     config: &SurfaceScale,
     growth: &Growth,
     objects: &mut Families,

@@ -148,7 +148,7 @@ fn object(from: &mut &[u8], is_ruled_out: bool) -> Result<ObjectBelief, NotCheck
         log_evidence,
         pair: PairEvidence { geometry, evidence, appearance },
         retrieval_score,
-        motion_prior: MotionPrior { poses, position, angle },
+        motion_prior: MotionPrior { poses, position, angle, stated: None },
         is_ruled_out,
     })
 }

@@ -13,7 +13,8 @@ use super::positions;
 use super::posterior::{Explained, n_weighed, posterior};
 use super::retrieval::{n_candidates, retrieval_bar, retrieve};
 use super::search::{
-    Scope, add_scores, best_score, bound, evidence_bar, propose_poses, refine_best, score_anew,
+    Scope, add_scores, best_explanation, bound, evidence_bar, propose_poses, refine_best,
+    score_anew,
 };
 use super::stage::Stage;
 use crate::model::joint_pairs::TOUCHES_PER_OBJECT;
@@ -24,7 +25,7 @@ use crate::refine::likeness::look_alike;
 use crate::refine::settle::settle;
 use crate::verify::evidence::{Evidence, Known};
 use crate::verify::hypothesis::Hypothesis;
-use crate::verify::motion_prior::{self, MotionPrior};
+use stating::Stating;
 
 /// Probability above which a pose is likelier than not.
 const LIKELY: f64 = 0.5;
@@ -61,13 +62,16 @@ pub(super) struct Component {
     /// Spaces of all presses.
     spaces: Vec<PressSpace>,
     objects: Vec<ObjectBelief>,
+    /// What the session states about the pose, while it holds.
+    stated: Option<Stating>,
 }
 
 impl Component {
     /// The component before any reading.
     pub(super) fn new(motion: Motion, common: &Common) -> Self {
         let (touches, spaces) = (Vec::new(), Vec::new());
-        Self { motion, stage: Stage::Prior, touches, spaces, objects: common.objects() }
+        let (objects, stated) = (common.objects(), None);
+        Self { motion, stage: Stage::Prior, touches, spaces, objects, stated }
     }
 
     /// Adds a reading. A component that `leads` searches in full, the others with a small budget.
@@ -81,10 +85,12 @@ impl Component {
             1 => {
                 self.weigh_appearance(common);
                 self.follow(common);
+                self.propose_stated(common);
             }
             2 => {
                 self.follow(common);
                 self.propose_by_first_pair(common);
+                self.propose_stated(common);
                 self.weigh_pair();
             }
             _ => {
@@ -114,6 +120,7 @@ impl Component {
             touch.discount(n - 1 - index, drift);
         }
         self.spaces.iter_mut().for_each(|space| space.discount(n, drift));
+        self.restate();
     }
 
     /// A copy with the observations so far under a drifting object; its poses are those of this
@@ -161,6 +168,7 @@ impl Component {
             touch.appearance_ratios(map.features(), 0..n, &mut ratios);
             object.log_evidence = f64::from((ratios.iter().sum::<f32>() / n as f32).ln());
         });
+        self.weigh_stated(common);
     }
 
     /// Lays the poses of before a move onto the touches since.
@@ -195,6 +203,7 @@ impl Component {
         for object in searched(&mut self.objects) {
             object.log_evidence = pair_evidence(&object.pair, usual);
         }
+        self.correct_pair();
     }
 
     /// Scores every hypothesis by the newest touch or, if the object drifts, by all touches,
@@ -258,6 +267,9 @@ impl Component {
         if needs_positions {
             positions::propose_by_positions(objects, &evidence, &scope);
         }
+        if is_open {
+            self.propose_stated(common);
+        }
     }
 
     /// The newest touch and some partners propose poses of the likeliest objects.
@@ -310,7 +322,7 @@ impl Component {
         let expected = |touch: &Observation| f64::from(touch.weight * touch.expected_loss());
         let lost: f64 = self.touches.iter().map(expected).sum();
         let least = f64::from(common.options.score.poor) * n_weighed(&self.touches) - lost;
-        f64::from(best_score(&self.objects)) < least
+        f64::from(best_explanation(&self.objects)) < least
     }
 
     /// The probability of the likeliest object in its likeliest pose, or in one that looks alike.
@@ -330,36 +342,10 @@ impl Component {
         p * alike.map(share).sum::<f64>()
     }
 
-    /// Discards the observations from before a move.
-    pub(super) fn forget_observations(&mut self) {
-        self.touches.clear();
-        self.spaces.clear();
-    }
-
-    /// Turns the poses of `leader`, the likeliest component, into the motion prior of the
-    /// touches to come.
-    pub(super) fn move_on(&mut self, leader: Option<Self>, motion: &Looseness) {
-        if let Some(leader) = leader {
-            self.objects = leader.objects;
-        }
-        for object in &mut self.objects {
-            object.motion_prior = MotionPrior::new(&object.hypotheses, motion);
-            object.hypotheses.truncate(motion_prior::POSES_MAX);
-            let best = object.best_score().unwrap_or(0.0);
-            object.hypotheses.iter_mut().for_each(|hypothesis| hypothesis.score -= best);
-            object.forget_evidence();
-        }
-        self.stage = Stage::Prior;
-    }
-
-    /// Inflates the motion prior for one more move before a touch.
-    pub(super) fn inflate(&mut self, motion: &Looseness) {
-        self.objects.iter_mut().for_each(|object| object.motion_prior.inflate(motion));
-    }
-
     /// Restores the conclusions of a checkpoint from the same observations.
     pub(super) fn conclude(&mut self, stage: Stage, objects: Vec<ObjectBelief>) {
         (self.stage, self.objects) = (stage, objects);
+        self.restate();
     }
 
     /// The objects, mutable, and the evidence that updates them.
@@ -370,7 +356,8 @@ impl Component {
     /// The inputs of the posterior.
     pub(super) fn explained(&self) -> Explained<'_> {
         let Self { motion, stage, touches, objects, .. } = self;
-        Explained { stage: *stage, motion: *motion, touches, objects }
+        let stated = self.stated.as_ref().map(|stated| &*stated.now);
+        Explained { stage: *stage, motion: *motion, touches, objects, stated }
     }
 
     /// Spaces of all presses.
@@ -388,5 +375,7 @@ impl Component {
     }
 }
 
+mod moving;
+mod stating;
 #[cfg(test)]
 mod tests;

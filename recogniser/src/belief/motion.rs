@@ -57,14 +57,19 @@ impl Motion {
 /// surface, the largest halves the weight of the previous touch, and the middle one is their
 /// geometric mean. Rotations displace the rim of the median object by the same distances.
 pub(super) fn amplitudes(model: &SurfaceModel, scale: &TouchScale) -> [Looseness; AMPLITUDES] {
-    let mut radii: Vec<f32> = model.maps().iter().map(|map| map.radius()).collect();
-    radii.sort_unstable_by(f32::total_cmp);
-    let median = radii.get(radii.len() / 2).copied().unwrap_or_default().max(HALF);
+    let median = median_radius(model);
     let (least, most) = (scale.across, HALF);
     [least, (least * most).sqrt(), most].map(|position| Looseness {
         position: f64::from(position),
         angle: f64::from(position / median),
     })
+}
+
+/// Radius of the median object, metres.
+pub(super) fn median_radius(model: &SurfaceModel) -> f32 {
+    let mut radii: Vec<f32> = model.maps().iter().map(|map| map.radius()).collect();
+    radii.sort_unstable_by(f32::total_cmp);
+    radii.get(radii.len() / 2).copied().unwrap_or_default().max(HALF)
 }
 
 /// ln of the prior of rest, then of each of `n` drifting components.

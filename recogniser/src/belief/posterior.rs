@@ -9,6 +9,7 @@ use super::stage::Stage;
 use crate::observe::observation::{Observation, Says};
 use crate::observe::placement::HALF;
 use crate::verify::null_model::{self, Counted};
+use crate::verify::stated_prior::StatedPrior;
 
 /// Inputs of a component's posterior.
 #[derive(Clone, Copy)]
@@ -17,6 +18,8 @@ pub(super) struct Explained<'a> {
     pub(super) motion: Motion,
     pub(super) touches: &'a [Observation],
     pub(super) objects: &'a [ObjectBelief],
+    /// What the session states about the pose.
+    pub(super) stated: Option<&'a StatedPrior>,
 }
 
 /// ln probability of each object, then of "none of these", up to a common constant.
@@ -34,7 +37,9 @@ pub(super) fn log_posterior(common: &Common, of: &Explained<'_>) -> Vec<f64> {
         (object.log_evidence + log_discounted(common, of, n)) / stage.temperature + prior + known
     });
     let counted = counted(common, of);
-    let unknown = stage.log_unknown(counted.touches) + null_correction(common, of, counted);
+    let unknown = stage.log_unknown(counted.touches)
+        + null_correction(common, of, counted)
+        + stated_unknown(of);
     let unknown = unknown / stage.temperature;
     logs.chain([unknown + prior.unknown.ln()]).collect()
 }
@@ -42,6 +47,14 @@ pub(super) fn log_posterior(common: &Common, of: &Explained<'_>) -> Vec<f64> {
 /// The probability of each object, then of "none of these", by this component alone.
 pub(super) fn posterior(common: &Common, of: &Explained<'_>) -> Vec<f64> {
     normalize(&log_posterior(common, of))
+}
+
+/// What the stated place of the object adds to the evidence of "none of these". Equation R34.
+fn stated_unknown(of: &Explained<'_>) -> f64 {
+    let Some(stated) = of.stated else { return 0.0 };
+    let n = of.touches.len();
+    let sum: glam::Vec3 = of.touches.iter().map(|touch| touch.position).sum();
+    stated.log_unknown(sum / n.max(1) as f32, n)
 }
 
 /// The correction of equation R13: once there are poses, and for touches without appearance from

@@ -120,7 +120,7 @@ pub(super) fn propose_poses(
 
 /// The proposals as hypotheses, scored by the `judges` in turn; poses far below the best of them or
 /// below `bar` are left out.
-fn judged(
+pub(super) fn judged(
     evidence: &Evidence<'_>,
     object: Known<'_>,
     proposals: &[Proposal],
@@ -213,6 +213,16 @@ pub(super) fn bound(objects: &mut [ObjectBelief], total: usize) {
 /// The score of the best hypothesis of all objects.
 pub(super) fn best_score(objects: &[ObjectBelief]) -> f32 {
     objects.iter().filter_map(ObjectBelief::best_score).fold(f32::NEG_INFINITY, f32::max)
+}
+
+/// The score of the best hypothesis of all objects without what the session states about its pose:
+/// how well it explains the touches.
+pub(super) fn best_explanation(objects: &[ObjectBelief]) -> f32 {
+    let first = |object: &ObjectBelief| object.best_score().unwrap_or(f32::NEG_INFINITY);
+    let best = objects.iter().max_by(|a, b| first(a).total_cmp(&first(b)));
+    let Some(best) = best else { return f32::NEG_INFINITY };
+    let stated = |h: &Hypothesis| best.motion_prior.log_stated(&h.inverse_pose());
+    first(best) - best.hypotheses.first().map_or(0.0, stated)
 }
 
 /// The least score of a pose worth keeping, beside other objects; none in a small catalogue.

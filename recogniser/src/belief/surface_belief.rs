@@ -28,6 +28,7 @@ use crate::model::SurfaceModel;
 use crate::observe::observation::Observation;
 use crate::observe::press_space::Miss;
 use crate::options::SurfaceOptions;
+use crate::verify::stated_prior::Statement;
 
 /// Least prior of an object when a posterior becomes a prior, so that no posterior rules it out
 /// for good; a stated prior of zero does.
@@ -42,6 +43,8 @@ pub struct SurfaceBelief {
     anchor: DVec3,
     /// Presses that met nothing before there was an anchor.
     misses: Vec<Miss>,
+    /// What the session states about the object and its pose.
+    statement: Option<Arc<Statement>>,
     /// The tool of the first touch; the error of its centre is shared by all its touches.
     first_tool: Option<Tool>,
     /// Whether the object may have moved since its first touch.
@@ -71,6 +74,7 @@ impl SurfaceBelief {
             n_readings: 0,
             anchor: DVec3::ZERO,
             misses: Vec::new(),
+            statement: None,
             first_tool: None,
             may_have_moved: false,
         })
@@ -112,6 +116,7 @@ impl SurfaceBelief {
         if n == 0 {
             if !self.may_have_moved {
                 self.anchor = touch.position;
+                self.state();
             }
             let misses = std::mem::take(&mut self.misses);
             spaces.extend(misses.iter().map(|miss| miss.space(self.anchor)));
@@ -160,7 +165,7 @@ impl SurfaceBelief {
     /// the probabilities of the objects remain, and the pose becomes uncertain.
     pub fn announce_move(&mut self, motion: &Looseness) {
         if self.n_touches() == 0 {
-            self.observe_move();
+            self.observe_move(motion);
             self.rest.inflate(motion);
             return;
         }
@@ -181,13 +186,16 @@ impl SurfaceBelief {
         let leader = leader.map(|index| self.drifting.swap_remove(index));
         self.drifting = Vec::new();
         self.rest.move_on(leader, motion);
-        self.observe_move();
+        self.observe_move(motion);
     }
 
     /// Records a move: earlier touches no longer show the object's place.
-    fn observe_move(&mut self) {
+    fn observe_move(&mut self, motion: &Looseness) {
         if self.n_touches() == 0 {
             self.misses.clear();
+            if let Some(statement) = &mut self.statement {
+                Arc::make_mut(statement).loosen(motion);
+            }
         } else {
             self.may_have_moved = true;
             self.rest.forget_observations();
@@ -225,6 +233,7 @@ impl SurfaceBelief {
             + self.drifting.capacity() * size_of::<Component>()
             + self.common.prior.log_objects.capacity() * size_of::<f64>()
             + self.misses.iter().map(Miss::bytes).sum::<usize>()
+            + self.statement.as_ref().map_or(0, |statement| statement.bytes())
     }
 
     /// The probability of each object, then of "none of these". Equations R16 and R18 of
@@ -291,8 +300,8 @@ impl SurfaceBelief {
 
     /// Records an announced move (see [`SurfaceBelief::announce_move`]) whose conclusions follow
     /// from [`SurfaceBelief::resume`].
-    pub fn retrace_move(&mut self) {
-        self.observe_move();
+    pub fn retrace_move(&mut self, motion: &Looseness) {
+        self.observe_move(motion);
     }
 
     /// Restores the conclusions of a checkpoint after all its readings were retraced in their
@@ -356,5 +365,6 @@ impl SurfaceBelief {
 
 mod examined;
 mod questions;
+mod stating;
 #[cfg(test)]
 mod tests;

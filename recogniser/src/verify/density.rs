@@ -195,6 +195,20 @@ impl Kernel {
         if spatial > FAR {
             return 0.0;
         }
+        self.directions(width, facet, normal, at, touch) * exp(-0.5 * spatial)
+    }
+
+    /// Density of a touch's normal and stretch about a patch where its surface has this `normal`:
+    /// N D of equation R4.
+    #[inline]
+    pub(crate) fn directions(
+        &self,
+        width: Width,
+        facet: &Facet,
+        normal: Vec3,
+        at: &TouchInObject,
+        touch: &Observation,
+    ) -> f32 {
         let facing = match touch.says {
             Says::Position => 1.0,
             _ => self.normal_ratio(facet, normal, at.normal, width.normal_variance),
@@ -202,7 +216,7 @@ impl Kernel {
         let concentration = self.direction * facet.elongation() * touch.elongation;
         let cosine = at.direction.dot(facet.direction);
         let stretch = stretch_ratio(concentration, cosine, touch.steadiness.stretch_outliers);
-        facing * stretch * exp(-0.5 * spatial)
+        facing * stretch
     }
 
     /// Ratio of the density of a touch's normal (`felt`) about the `expected` one of a facet to

@@ -1,12 +1,17 @@
 //! The motion prior: density of an object's pose after an announced move (equation R15).
 //!
+//! Before any move it is the stated prior, if the session has one (equation R33).
+//!
 //! The search begins at the poses from before the move. Poses far from them, relative to the
 //! stated motion, are less likely but never ruled out: the statement may be wrong.
+
+use std::sync::Arc;
 
 use nalgebra::Matrix6;
 use palpate_core::reading::Looseness;
 
 use super::hypothesis::Hypothesis;
+use super::stated_prior::StatedPrior;
 use crate::observe::inverse_pose::InversePose;
 
 /// Maximum number of poses per object in the prior.
@@ -30,6 +35,22 @@ pub(crate) struct MotionPrior {
     pub(crate) position: f32,
     /// Variance of the rotation so far, rad².
     pub(crate) angle: f32,
+    /// What the session states about its pose; `None` once it may have moved.
+    pub(crate) stated: Option<StatedOf>,
+}
+
+/// A stated prior, of one object.
+#[derive(Clone, Debug)]
+pub(crate) struct StatedOf {
+    pub(crate) prior: Arc<StatedPrior>,
+    /// Index of the object.
+    pub(crate) object: usize,
+}
+
+impl PartialEq for StatedOf {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.prior, &other.prior) && self.object == other.object
+    }
 }
 
 impl MotionPrior {
@@ -46,7 +67,7 @@ impl MotionPrior {
         let pose = |h: &Hypothesis| (at(h), (h.score - best).exp() / total);
         let poses = hypotheses.iter().take(POSES_MAX).map(pose).collect();
         let (position, angle) = (motion.position.powi(2) as f32, motion.angle.powi(2) as f32);
-        Self { poses, position, angle }
+        Self { poses, position, angle, stated: None }
     }
 
     /// Inflates it for one more move before the object was touched.
@@ -66,9 +87,23 @@ impl MotionPrior {
         }
     }
 
-    /// ln of the prior of a pose: near 0 where the object was, at least ln of the share of wrong
-    /// statements, and 0 if nothing is known. Equation R15 of docs/recogniser.md.
+    /// ln of the prior of a pose: by what the session states, and by the motion since.
+    #[inline]
     pub(crate) fn log_density(&self, pose: &InversePose) -> f32 {
+        let moved = self.log_moved(pose);
+        if self.stated.is_none() { moved } else { moved + self.log_stated(pose) }
+    }
+
+    /// ln of the stated prior of a pose; 0 without a statement. Equation R33 of
+    /// docs/recogniser.md.
+    pub(crate) fn log_stated(&self, pose: &InversePose) -> f32 {
+        let of = |stated: &StatedOf| stated.prior.log_density(stated.object, pose);
+        self.stated.as_ref().map_or(0.0, of)
+    }
+
+    /// ln of the prior of a pose by motion: near 0 where the object was, at least ln of the share
+    /// of wrong statements, and 0 if nothing is known. Equation R15 of docs/recogniser.md.
+    fn log_moved(&self, pose: &InversePose) -> f32 {
         if self.poses.is_empty() {
             return 0.0;
         }

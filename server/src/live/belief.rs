@@ -4,6 +4,7 @@
 //! readings that a method cannot fold before they are stored.
 
 mod comparison;
+mod seen;
 
 use std::sync::Arc;
 
@@ -26,6 +27,7 @@ use palpate_dissertation::geometric::{
 use palpate_dissertation::sva::{SvaBelief, SvaOptions};
 use palpate_recogniser::belief::SurfaceBelief;
 use palpate_recogniser::next_touch::{Ranking, rank};
+use palpate_recogniser::pose_prior::PosePriorError;
 use palpate_schemas::{FieldError, Method};
 use palpate_store::entity::{Session, StoredReading};
 use thiserror::Error;
@@ -36,6 +38,7 @@ use crate::wire::geometry::core_prior;
 use crate::wire::next_touch::Question;
 use crate::wire::reading::{ERRORS_MAX, Incoming};
 use crate::wire::session::{Options, options, surface_options};
+pub(crate) use seen::seen;
 
 /// Scale at which refined poses of pair maps are equal: half a bin and a few degrees.
 const SVA_SCALE: OrbitScale = OrbitScale { distance: 4.0 * MM, angle: 8.0 * DEG };
@@ -65,6 +68,8 @@ pub(crate) enum BeliefError {
     #[error(transparent)]
     Recognise(#[from] MismatchError),
     #[error(transparent)]
+    PosePrior(#[from] PosePriorError),
+    #[error(transparent)]
     Geometric(#[from] GeometricError),
     #[error(transparent)]
     Appearance(#[from] AppearanceError),
@@ -88,8 +93,8 @@ impl SessionBelief {
         match options.method {
             Method::Surface => {
                 let surfaces = Arc::clone(model.surface()?);
-                let options = surface_options(&options);
-                Ok(Self::Surface(Box::new(SurfaceBelief::new(surfaces, options, prior)?)))
+                let belief = SurfaceBelief::new(surfaces, surface_options(&options), prior)?;
+                Ok(Self::Surface(Box::new(seen(belief, &options, model)?)))
             }
             Method::Sva => {
                 let belief = SvaBelief::new(sva(), SvaOptions::default(), prior)?;
@@ -219,8 +224,8 @@ impl SessionBelief {
         sensor: &SensorDescription,
     ) -> bool {
         let Self::Surface(belief) = self else { return false };
-        if stored.object_moved.is_some() {
-            belief.retrace_move();
+        if let Some(motion) = &stored.object_moved {
+            belief.retrace_move(motion);
         }
         match felt {
             Felt::Press(reading) => belief.retrace(reading, sensor),

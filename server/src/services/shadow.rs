@@ -25,6 +25,7 @@ use uuid::Uuid;
 use crate::cause::Cause;
 use crate::clock::now_ms;
 use crate::known_sensors::KnownSensors;
+use crate::live::belief::seen;
 use crate::live::{PastReadings, status};
 use crate::model::{Model, NoPart};
 use crate::services::recalibration::{Sources, Target, Truths};
@@ -263,7 +264,7 @@ fn replayed(
     tally: &mut Tally,
 ) -> Result<wire::ShadowAnswer, ShadowError> {
     let (surfaces, options) = (model.surface()?, options(session));
-    let mut belief = begun(surfaces, &options, prior(session, model))?;
+    let mut belief = begun(surfaces, &options, prior(session, model), model)?;
     let (rule, told) = (surfaces.calibration.stop, untold_unknown_prior(&options));
     let is_right = |answer: &Answer| truth.map(|truth| likeliest(answer) == truth);
     let mut decided_after = None;
@@ -297,9 +298,11 @@ fn begun(
     surfaces: &Arc<SurfaceModel>,
     options: &Options,
     prior: Option<Vec<f64>>,
+    model: &Model,
 ) -> Result<SurfaceBelief, Cause> {
     let new = SurfaceBelief::new(Arc::clone(surfaces), surface_options(options), prior.as_deref());
-    new.map_err(|error| Cause::field("/sessions", error))
+    let belief = new.map_err(|error| Cause::field("/sessions", error))?;
+    seen(belief, options, model).map_err(|error| Cause::field("/sessions", error))
 }
 
 /// The likeliest answer: the index of an object, or `None` for "none of these".

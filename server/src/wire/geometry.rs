@@ -135,6 +135,11 @@ pub(crate) fn pose_prior(
             "missing: the version's maps are of solids, expected a prior of kind `bounded` that \
              says about where the object is",
         )),
+        (_, Some(PosePrior::Camera { .. })) => Err(Invalid::field(
+            "/pose_prior/kind",
+            "came `camera`, expected with `surface` only: the methods `geometric…` take `planar` \
+             or `bounded`",
+        )),
         (GeometricKind::Planar, Some(PosePrior::Bounded { .. })) => Err(Invalid::field(
             "/pose_prior/kind",
             "came `bounded`, but the version's maps are planar: expected `planar`",
@@ -213,6 +218,9 @@ pub(crate) fn core_prior(prior: &PosePrior) -> Result<CorePrior, Invalid> {
             half_extent: (*half_extents).into(),
             half_angle: *half_angle,
         }),
+        PosePrior::Camera { .. } => {
+            Err(Invalid::field("/pose_prior/kind", "came `camera`, expected `planar` or `bounded`"))
+        }
     }
 }
 

@@ -7,6 +7,7 @@ mod audit;
 mod bad_input;
 mod calibrated;
 mod calibration;
+mod camera;
 mod checkpoints;
 mod commissioning;
 mod compute;

@@ -222,6 +222,13 @@ fn sessions() -> Vec<Value> {
         session[field] = value;
         session
     };
+    let covariance: Vec<f64> = (0..36).map(|n| if n % 7 == 0 { 0.01 } else { 0.0 }).collect();
+    let seen = |hypotheses: Value| {
+        let workspace = json!({"low": [-1.0, -1.0, -1.0], "high": [1.0, 1.0, 1.0]});
+        json!({"catalogue": "solid", "method": "surface", "pose_prior": {"kind": "camera",
+            "hypotheses": hypotheses, "workspace": workspace, "wrong": 0.1,
+            "class_weights": [{"object": "hammer", "weight": 1.0}]}})
+    };
     let histogram = |half_extent: f64, bins: [u32; 3]| {
         with(flat("geometric_histogram", planar(half_extent)), "bins", json!(bins))
     };
@@ -230,6 +237,10 @@ fn sessions() -> Vec<Value> {
             "ttl_s": 600, "version": 1, "object_moves": looseness,
             "prior": [{"object": "hammer", "probability": 0.5}],
             "robots": [{"robot": "arm", "base": looseness}]}),
+        seen(json!([
+            {"pose": at, "deviation": looseness, "weight": 2.0, "object": "hammer"},
+            {"pose": at, "covariance": covariance, "weight": 1.0},
+        ])),
         json!({"catalogue": "solid", "method": "sva"}),
         json!({"catalogue": "solid", "method": "sva_literal"}),
         json!({"catalogue": "solid", "method": "appearance"}),

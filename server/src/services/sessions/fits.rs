@@ -40,7 +40,9 @@ pub(super) fn fits(session: &Session, model: &Model, bytes_max: usize) -> Result
     let pointer = if would_fit(with_usual_box(&chosen)) {
         match &chosen.pose_prior {
             Some(PosePrior::Bounded { .. }) => "/pose_prior/half_extents",
-            Some(PosePrior::Planar { .. }) | None => "/pose_prior/half_extent",
+            Some(PosePrior::Planar { .. } | PosePrior::Camera { .. }) | None => {
+                "/pose_prior/half_extent"
+            }
         }
     } else if would_fit(session::with_usual_size(&chosen)) {
         if chosen.method == Method::GeometricParticles { "/particles" } else { "/bins" }
@@ -67,7 +69,7 @@ fn with_usual_box(chosen: &Options) -> Options {
         Some(PosePrior::Bounded { half_extents, .. }) => {
             *half_extents = [HALF_EXTENT; 3];
         }
-        None => {}
+        Some(PosePrior::Camera { .. }) | None => {}
     }
     changed
 }

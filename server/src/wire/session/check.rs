@@ -11,7 +11,7 @@ use super::{BINS, Options, PARTICLES};
 use crate::model::Model;
 use crate::wire::Invalid;
 use crate::wire::reading::looseness;
-use crate::wire::{count, geometry, text, within};
+use crate::wire::{camera, count, geometry, text, within};
 
 /// Tolerance of the sum of probabilities about 1.
 const SUM_TOLERANCE: f64 = 1e-6;
@@ -34,12 +34,11 @@ pub(super) fn checked_options(
         let detail = format!("came with the method `{}`, expected with {methods}", method.name());
         Invalid::field(field, detail)
     };
-    if !method.is_geometric() {
-        let unused =
-            [("/pose_prior", request.pose_prior.is_some()), ("/seed", request.seed.is_some())];
-        if let Some((field, _)) = unused.iter().find(|(_, came)| *came) {
-            return Err(only(field, "geometric methods only"));
-        }
+    if !method.is_geometric() && request.seed.is_some() {
+        return Err(only("/seed", "geometric methods only"));
+    }
+    if !method.is_geometric() && method != Method::Surface && request.pose_prior.is_some() {
+        return Err(only("/pose_prior", "`surface` or geometric methods only"));
     }
     if request.bins.is_some() && method != Method::GeometricHistogram {
         return Err(only("/bins", "`geometric_histogram` only"));
@@ -69,6 +68,11 @@ pub(super) fn checked_options(
             options.is_unknown_prior_told = unknown_prior.is_some();
             options.unknown_prior =
                 Some(unknown_prior.unwrap_or(SurfaceOptions::default().unknown));
+            if let Some(given) = &request.pose_prior {
+                let of_objects = prior(request.prior.as_deref().unwrap_or_default(), model)?;
+                let of_objects: Vec<f64> = of_objects.iter().map(|(_, p)| *p).collect();
+                options.pose_prior = Some(camera::checked(given, model, &of_objects)?);
+            }
             return Ok(options);
         }
         Method::Sva | Method::SvaLiteral => return Ok(options),

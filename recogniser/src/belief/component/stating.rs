@@ -1,0 +1,80 @@
+//! A component's use of a stated pose prior: it holds until the object may have moved.
+
+use std::sync::Arc;
+
+use super::Component;
+use crate::belief::common::Common;
+use crate::belief::search::evidence_bar;
+use crate::belief::stated_search::{Turned, pair_correction, propose_stated, weigh_first};
+use crate::model::joint_pairs::TOUCHES_PER_OBJECT;
+use crate::verify::motion_prior::StatedOf;
+use crate::verify::stated_prior::StatedPrior;
+
+/// A statement at the first touch, and as it holds after the drift since.
+#[derive(Clone, Debug)]
+pub(super) struct Stating {
+    first: Arc<StatedPrior>,
+    pub(super) now: Arc<StatedPrior>,
+}
+
+impl Component {
+    /// Takes a statement about the pose at the first touch; `None` once it no longer holds.
+    pub(in crate::belief) fn state(&mut self, stated: Option<Arc<StatedPrior>>) {
+        self.stated = stated.map(|first| Stating { now: Arc::clone(&first), first });
+        self.restate();
+    }
+
+    /// Hands the statement to every object.
+    pub(super) fn restate(&mut self) {
+        if let (Some(stated), Some(drift)) = (&mut self.stated, self.motion.drift())
+            && let moves @ 1.. = self.touches.len().saturating_sub(1)
+        {
+            let variance = |deviation: f64| moves as f64 * deviation.powi(2);
+            let variances = [variance(drift.position), variance(drift.angle)];
+            stated.now = Arc::new(stated.first.drifted(variances));
+        }
+        let now = self.stated.as_ref().map(|stated| &stated.now);
+        for (index, object) in self.objects.iter_mut().enumerate() {
+            let of =
+                |prior: &Arc<StatedPrior>| StatedOf { prior: Arc::clone(prior), object: index };
+            object.motion_prior.stated = now.map(of);
+        }
+    }
+
+    /// The evidence of the first touch beside the statement.
+    pub(super) fn weigh_stated(&mut self, common: &Common) {
+        let Some(stated) = self.stated.as_ref().map(|it| Arc::clone(&it.now)) else { return };
+        let turned = Turned::new(&stated, self.touches.len(), n_patches(common));
+        let (objects, evidence) = self.split(common);
+        weigh_first(objects, &evidence, &turned);
+    }
+
+    /// The statement proposes poses of all objects, or of the likeliest of a large catalogue.
+    pub(super) fn propose_stated(&mut self, common: &Common) {
+        let Some(stated) = self.stated.as_ref().map(|it| Arc::clone(&it.now)) else { return };
+        if stated.n_poses() == 0 {
+            return;
+        }
+        let n_patches = n_patches(common);
+        let turned = Turned::new(&stated, self.touches.len(), n_patches);
+        let options = &common.options;
+        let n = n_patches.map_or(usize::MAX, |_| options.budget.many.explored);
+        let reach = f64::from(options.score.drop_between);
+        let evidence_min = evidence_bar(&self.objects, reach, n);
+        let (objects, evidence) = self.split(common);
+        propose_stated(objects, &evidence, &turned, evidence_min);
+    }
+
+    /// Adds what the statement says about the poses of a pair to its evidence.
+    pub(super) fn correct_pair(&mut self) {
+        let Some(stated) = &self.stated else { return };
+        for object in self.objects.iter_mut().filter(|object| !object.is_ruled_out) {
+            object.log_evidence += pair_correction(object, &stated.now);
+        }
+    }
+}
+
+/// The patches that are laid onto a touch in a large catalogue; `None` in a small one.
+fn n_patches(common: &Common) -> Option<usize> {
+    common.model.joint_pairs().map(|_| TOUCHES_PER_OBJECT)
+}
