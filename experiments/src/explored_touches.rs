@@ -35,7 +35,6 @@ const STARTS_MAX: u64 = 6;
 const FIRM: f64 = 0.8;
 
 /// Weight of a reading when only firm touches count.
-#[must_use]
 pub fn firmness(setting: &Setting) -> impl Fn(&Reading) -> f64 + Sync + use<> {
     let target = ContactConfig::for_sensor(&setting.sensor, setting.noise_level).target_pressure;
     move |reading| f64::from(u8::from(mean(&pressures(reading)) >= FIRM * target))
@@ -43,7 +42,7 @@ pub fn firmness(setting: &Setting) -> impl Fn(&Reading) -> f64 + Sync + use<> {
 
 /// The pressures of a reading, pascal, row-major in the sensor frame's order.
 fn pressures(reading: &Reading) -> Vec<f64> {
-    reading.image().pressures.iter().map(|pressure| f64::from(*pressure)).collect()
+    reading.image().pressures.clone()
 }
 
 /// A touch at rest.

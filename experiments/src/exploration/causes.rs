@@ -40,7 +40,7 @@ struct Training {
 ///
 /// # Errors
 /// When objects cannot be read, touched, explored or learnt.
-pub fn run(config: &ExplorationTrials, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+pub(super) fn run(config: &ExplorationTrials, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     let objects = config.objects.objects()?;
     let setting = Setting::printed("6×6");
     let mut report = Report::default();

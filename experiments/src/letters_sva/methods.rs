@@ -62,7 +62,7 @@ pub(super) struct Trained {
 }
 
 enum Model {
-    Sva { model: Arc<SvaModel>, options: SvaOptions, printed: Option<(Printed, f64)> },
+    Sva { model: Arc<SvaModel>, options: SvaOptions, printed: Option<Box<(Printed, f64)>> },
     Surface(Arc<SurfaceModel>),
 }
 
@@ -97,7 +97,11 @@ impl Method {
                 let printed = Printed::learn(train, sensor, form, seed)?;
                 let (model, kept) = printed.catalogue(train, sensor)?;
                 let options = SvaOptions::literal().in_plane();
-                Model::Sva { model: Arc::new(model), options, printed: Some((printed, kept)) }
+                Model::Sva {
+                    model: Arc::new(model),
+                    options,
+                    printed: Some(Box::new((printed, kept))),
+                }
             }
             Kind::Literal => sva(of_letters(), SvaOptions::literal().in_plane())?,
             Kind::InPlane => sva(of_letters(), SvaOptions::default().in_plane())?,
@@ -149,8 +153,8 @@ impl Trained {
     /// Mean number of classes of a printed patch.
     pub(super) fn classes_kept(&self) -> Option<f64> {
         match &self.model {
-            Model::Sva { printed: Some((_, kept)), .. } => Some(*kept),
-            Model::Sva { .. } | Model::Surface(_) => None,
+            Model::Sva { printed, .. } => printed.as_ref().map(|printed| printed.1),
+            Model::Surface(_) => None,
         }
     }
 
@@ -161,7 +165,7 @@ impl Trained {
                 let belief = Box::new(SvaBelief::new(model.clone(), *options, None)?);
                 match printed {
                     None => State::Sva(belief),
-                    Some((printed, _)) => State::Printed(belief, printed),
+                    Some(printed) => State::Printed(belief, &printed.0),
                 }
             }
             Model::Surface(model) => {
