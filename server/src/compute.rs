@@ -13,13 +13,13 @@
 //! is stored; if there is none, the request gets 503 and can be repeated. Work whose asker has
 //! gone (`asker`) is not started. A panic in one piece ends that piece only.
 
+mod urgency;
 mod queue;
+mod threads;
 
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::thread;
 use std::time::{Duration, Instant};
 
 use palpate_core::stop::Stop;
@@ -28,6 +28,8 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
 
 use crate::asker::Asker;
 use queue::{Piece, Queue};
+use threads::compute;
+pub(crate) use urgency::{Size, Urgency};
 
 /// Time without progress after which waiting readings or questions make the server not ready. Chosen: a
 /// piece takes milliseconds, the slowest seconds.
@@ -35,38 +37,12 @@ const STALLED_AFTER: Duration = Duration::from_secs(30);
 /// The same for long work. Chosen: beyond the time limit of any answer.
 const LONG_STALLED_AFTER: Duration = Duration::from_secs(180);
 
-/// Increment of the nice value of the threads for questions (Linux only). Chosen: at 5 a thread
-/// gets a quarter of a core that a thread for readings needs too.
-const QUESTION_NICE: i32 = 5;
-/// The same for long work. Chosen: at 10 it gets a tenth, so long work still ends on a busy server.
-const LONG_NICE: i32 = 10;
-
 /// The compute threads, and the slots of the queue before them.
 #[derive(Clone)]
 pub(crate) struct Pool {
     places: Arc<Semaphore>,
     open: Arc<Open>,
     n_places: usize,
-}
-
-/// How urgently a piece of work is waited for, the most urgent first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Urgency {
-    /// A robot waits for the belief after a reading.
-    Reading,
-    /// A robot waits for the answer to a question that takes longer.
-    Question,
-    /// It yields to all other work.
-    Long,
-}
-
-/// How much work a piece is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Size {
-    /// Less than a millisecond.
-    Small,
-    /// More, or unknown.
-    Large,
 }
 
 /// The queues, closed when no more work can come.
@@ -214,66 +190,6 @@ impl Place {
     }
 }
 
-/// Starts threads that take work from the queue.
-fn compute(threads: usize, urgency: Urgency) -> io::Result<Arc<Queue>> {
-    let name = match urgency {
-        Urgency::Reading => "compute",
-        Urgency::Question => "compute-question",
-        Urgency::Long => "compute-long",
-    };
-    let sharing = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .thread_name(move |thread| format!("{name}-share-{thread}"))
-        .start_handler(move |_| give_way(urgency))
-        .build()
-        .map_err(io::Error::other)?;
-    let (queue, sharing) = (Arc::new(Queue::new()), Arc::new(sharing));
-    let at_work = Arc::new(AtomicUsize::new(0));
-    for thread in 0..threads {
-        let (queue, sharing, at_work) = (queue.clone(), sharing.clone(), at_work.clone());
-        thread::Builder::new().name(format!("{name}-{thread}")).spawn(move || {
-            give_way(urgency);
-            // With itself as its only thread, what the work would share out stays here.
-            let alone = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build();
-            if let Err(error) = &alone {
-                tracing::warn!(%error, "A compute thread always shares its work: {error}");
-            }
-            while let Some(Piece { size, work }) = queue.take() {
-                let n_at_work = at_work.fetch_add(1, Ordering::Relaxed) + 1;
-                // Long work goes on after the piece beside it has ended.
-                let gains = n_at_work < threads || urgency == Urgency::Long;
-                if alone.is_ok() && (size == Size::Small || !gains) {
-                    work();
-                } else {
-                    sharing.install(work);
-                }
-                at_work.fetch_sub(1, Ordering::Relaxed);
-            }
-        })?;
-    }
-    Ok(queue)
-}
-
-/// Sets the priority of this thread.
-fn give_way(urgency: Urgency) {
-    // On other systems a priority is that of the whole process.
-    #[cfg(target_os = "linux")]
-    {
-        use rustix::process::{getpriority_process, setpriority_process};
-        let more = match urgency {
-            Urgency::Reading => return,
-            Urgency::Question => QUESTION_NICE,
-            Urgency::Long => LONG_NICE,
-        };
-        let nicer = getpriority_process(None).map(|nice| (nice + more).min(19));
-        if let Err(error) = nicer.and_then(|nicer| setpriority_process(None, nicer)) {
-            tracing::warn!(%error, "Less urgent work cannot give way: {error}");
-        }
-    }
-    #[cfg(not(target_os = "linux"))]
-    let _ = (urgency, QUESTION_NICE, LONG_NICE);
-}
-
 fn outcome<T>(work: impl FnOnce() -> T) -> Result<T, ComputeError> {
     let done = catch_unwind(AssertUnwindSafe(|| Stop::heeding(work)));
     done.map_or(Err(ComputeError::Panicked), |done| done.map_err(|_| ComputeError::Stopped))
@@ -283,10 +199,12 @@ fn outcome<T>(work: impl FnOnce() -> T) -> Result<T, ComputeError> {
 mod tests {
     use std::collections::BTreeSet;
     use std::sync::Mutex;
+    use std::thread;
 
     use futures::future::join_all;
     use rayon::prelude::*;
 
+    use super::urgency::{LONG_NICE, QUESTION_NICE};
     use super::*;
     use crate::asker;
     use crate::client::Client;

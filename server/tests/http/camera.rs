@@ -35,7 +35,7 @@ fn probability(belief: &Value, name: &str) -> f64 {
 async fn a_named_object_is_likelier_before_any_touch_and_shown() {
     let it = Harness::trained().await;
     let objects = it.get("/v1/objects").await.expect(200);
-    let objects = objects["objects"].as_array().unwrap();
+    let objects = objects["items"].as_array().unwrap();
     let names: Vec<&str> = objects.iter().map(|it| it["name"].as_str().unwrap()).collect();
     let first = names[0];
     let shown =

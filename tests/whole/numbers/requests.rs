@@ -237,10 +237,8 @@ fn sessions() -> Vec<Value> {
             "ttl_s": 600, "version": 1, "object_moves": looseness,
             "prior": [{"object": "hammer", "probability": 0.5}],
             "robots": [{"robot": "arm", "base": looseness}]}),
-        seen(json!([
-            {"pose": at, "deviation": looseness, "weight": 2.0, "object": "hammer"},
-            {"pose": at, "covariance": covariance, "weight": 1.0},
-        ])),
+        seen(json!([{"pose": at, "deviation": looseness, "weight": 2.0, "object": "hammer"}])),
+        seen(json!([{"pose": at, "covariance": covariance, "weight": 1.0}])),
         json!({"catalogue": "solid", "method": "sva"}),
         json!({"catalogue": "solid", "method": "sva_literal"}),
         json!({"catalogue": "solid", "method": "appearance"}),
