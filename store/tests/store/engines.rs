@@ -97,19 +97,19 @@ fn commits_sent_together_are_checked_one_after_the_other() {
 
 #[test]
 fn a_group_larger_than_a_commit_is_written_in_parts() {
-    check(|engine| {
-        let of = |part: u8| {
-            let keys = (0..9_000_u16).map(|n| [&[part][..], &n.to_be_bytes()].concat());
-            keys.fold(Commit::new(), |commit, key| commit.put(key, vec![part]))
-        };
-        let commits = [1, 2, 3].map(|part| engine.commit(of(part)));
-        for pending in commits {
-            assert_eq!(pending.wait(), Ok(()));
-        }
-        for part in [1, 2, 3] {
-            assert_eq!(engine.scan(&[part], None, 20_000).unwrap().len(), 9_000);
-        }
-    });
+    let folder = TempDir::new().unwrap();
+    let engine = open(&folder);
+    let of = |part: u8| {
+        let keys = (0..9_000_u16).map(|n| [&[part][..], &n.to_be_bytes()].concat());
+        keys.fold(Commit::new(), |commit, key| commit.put(key, vec![part]))
+    };
+    let commits = [1, 2, 3].map(|part| engine.commit(of(part)));
+    for pending in commits {
+        assert_eq!(pending.wait(), Ok(()));
+    }
+    for part in [1, 2, 3] {
+        assert_eq!(engine.scan(&[part], None, 20_000).unwrap().len(), 9_000);
+    }
 }
 
 #[test]
