@@ -12,7 +12,7 @@ const SPOOL_FOLDER: &str = "spool";
 /// Where a server stores.
 #[derive(Debug, Args)]
 pub(crate) struct StoreArgs {
-    /// NATS cluster that stores the data instead of the folder: nats://HOST:PORT[,HOST:PORT][/STREAM],
+    /// NATS cluster that stores the data instead of the folder: `nats://HOST:PORT[,HOST:PORT][/STREAM]`,
     /// or tls://…; servers of version 2.12 or later.
     #[arg(long, env = "PALPATE_STORE", value_name = "URL")]
     store: Option<String>,

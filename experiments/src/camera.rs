@@ -1,7 +1,7 @@
 //! A camera's word: touches needed with and without a stated pose prior, and what a lie costs.
 //!
 //! Ten objects of ours, and on demand a thousand (families, as `surface-scale --thousand`). Every
-//! session is played by the same touches without a statement and with each of [`SAYINGS`]: poses
+//! session is played by the same touches without a statement and with each of `SAYINGS`: poses
 //! off by deviations that the camera states, a deviation that it understates, a wrong object at
 //! the right pose, a wrong pose in a tenth of the sessions or in all, and a detector's weights. A
 //! statement has one hypothesis and the default share of lies. Unknown objects are the same

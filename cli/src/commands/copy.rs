@@ -27,7 +27,7 @@ const PAIRS_PER_READ: usize = 1024;
     palpate copy --from sled:/var/lib/palpate --to nats://10.0.0.1:4222,10.0.0.2:4222\n  \
     palpate copy --from nats://10.0.0.1:4222/palpate --to sled:palpate-data")]
 pub(crate) struct CopyArgs {
-    /// Source: `sled:DIR`, or nats://HOST:PORT[,HOST:PORT][/STREAM].
+    /// Source: `sled:DIR`, or `nats://HOST:PORT[,HOST:PORT][/STREAM]`.
     #[arg(long, value_name = "STORE")]
     from: String,
     /// Target, of the same form; created if missing.
