@@ -2150,6 +2150,34 @@ export interface components {
             response: components["schemas"]["ResponsePress"][];
             spread?: components["schemas"]["SpreadPresses"] | null;
         };
+        /**
+         * CameraPosePrior
+         * @description A camera's word, for the method `surface`: hypotheses of the pose, a detector's weights of
+         *     objects, a workspace, or several of these. Touches overrule it. It holds for the object as
+         *     it lies at the first touch.
+         */
+        CameraPosePrior: {
+            /**
+             * @description A detector's weights of objects, which multiply the session's `prior`. Objects that are
+             *     not listed have the weight 0. Default: all objects weigh the same.
+             */
+            class_weights?: components["schemas"]["ClassWeight"][];
+            /** @description Possible poses. Default: any pose in the workspace. */
+            hypotheses?: components["schemas"]["StatedPose"][];
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            kind: "camera";
+            workspace?: components["schemas"]["WorkspaceBox"] | null;
+            /**
+             * Format: double
+             * @description Share of such statements that are wrong, 0.001 to 0.9; with it the object and its pose
+             *     are as if nothing had been said. Default: 0.1.
+             * @example 0.1
+             */
+            wrong?: number | null;
+        };
         /** @description A catalogue: a named series of trained versions, one of which new sessions use. */
         Catalogue: {
             /** @description Names of further versions, such as `candidate`, and the versions that they name. */
@@ -2239,6 +2267,19 @@ export interface components {
              * @description Mean probability of the true object; breaks ties.
              */
             reliability: number;
+        };
+        /** @description A detector's weight of an object. */
+        ClassWeight: {
+            /**
+             * @description Id or name of the object.
+             * @example mug
+             */
+            object: string;
+            /**
+             * Format: double
+             * @description Weight, 0 to 1000000; only ratios count.
+             */
+            weight: number;
         };
         /** @description The end of a session and, if known, the true object. */
         CloseSession: {
@@ -3868,7 +3909,7 @@ export interface components {
             weight: number;
         };
         /** @description Prior of the object's pose, before the first touch. */
-        PosePrior: components["schemas"]["PlanarPosePrior"] | components["schemas"]["BoundedPosePrior"];
+        PosePrior: components["schemas"]["PlanarPosePrior"] | components["schemas"]["BoundedPosePrior"] | components["schemas"]["CameraPosePrior"];
         /** @description Prior probability of one object. */
         PriorEntry: {
             /** @description The object's id or name. */
@@ -5380,6 +5421,28 @@ export interface components {
              */
             sva?: boolean | null;
         };
+        /** @description A possible pose of the object, with its uncertainty: `deviation` or `covariance`. */
+        StatedPose: {
+            /**
+             * @description 6 × 6 covariance, row-major, in the order of ROS and of a belief's `covariance`: x, y, z in
+             *     metres, then rotation about the fixed x, y, z axes of the session frame in radians.
+             *     Symmetric and positive definite, with deviations of 0.00001 to 1 m and 0.0001 to π rad.
+             */
+            covariance?: number[] | null;
+            deviation?: components["schemas"]["Looseness"] | null;
+            /**
+             * @description Id or name of the object that was seen. Default: any object.
+             * @example mug
+             */
+            object?: string | null;
+            /** @description Mean pose of the object's frame in the session frame, as `pose` of a belief states it. */
+            pose: components["schemas"]["Pose"];
+            /**
+             * Format: double
+             * @description Weight beside the other hypotheses, 0 to 1000000. Default: 1.
+             */
+            weight?: number | null;
+        };
         /** @description Advice on whether to stop touching. */
         StopAdvice: {
             /**
@@ -6075,6 +6138,27 @@ export interface components {
             quota_bytes?: number | null;
             /** @description Role of the caller; `admin` if the server requires no keys. */
             role: components["schemas"]["Role"];
+        };
+        /** @description A box in the session frame that holds the origin of the object's frame. */
+        WorkspaceBox: {
+            /**
+             * @description The corner with the largest x, y and z, in metres: larger than `low` by 0.001 to 100.
+             * @example [
+             *       0.6,
+             *       0.1,
+             *       0.2
+             *     ]
+             */
+            high: number[];
+            /**
+             * @description The corner with the smallest x, y and z, in metres.
+             * @example [
+             *       0.2,
+             *       -0.3,
+             *       0
+             *     ]
+             */
+            low: number[];
         };
         /** @description The key that wrote something. */
         Writer: {
