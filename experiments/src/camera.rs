@@ -12,7 +12,6 @@ mod sayings;
 use std::sync::Arc;
 
 use clap::Args;
-use palpate_core::reading::Reading;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::symmetry::Symmetry;
 use palpate_recogniser::belief::SurfaceBelief;
@@ -24,7 +23,6 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::arguments::{ObjectSet, TouchSet, count};
-use crate::disturbance::Disturbance;
 use crate::object_sessions::{Sessions, train_calibrated};
 use crate::objects;
 use crate::report::{Outcome, Progress, Report};
@@ -124,7 +122,8 @@ pub fn run(config: &Camera, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     let model = train_calibrated(&train, &symmetries, sensor, &surface, config.seed)?;
     drop(train);
     let n_sessions = config.trials * objects.len();
-    let sessions = sessions(config, &test, &symmetries);
+    let sessions =
+        Sessions::undisturbed(&config.touches.sensor, &test, &symmetries, config.seed, READINGS);
     let few = Catalogue { model, sessions, n_sessions, with_unknown: true };
     let mut panels = vec![played(&few, &mut report, progress)?];
     if config.families > 0 {
@@ -133,28 +132,18 @@ pub fn run(config: &Camera, progress: Progress<'_>) -> anyhow::Result<Outcome> {
             families(config.families, config.seed, &config.touches, &mut report, progress)?;
         let (model, test) = (Arc::new(learnt.model), learnt.test);
         let symmetries = vec![Symmetry::NONE; test.len()];
-        let sessions = self::sessions(config, &test, &symmetries);
+        let sessions = Sessions::undisturbed(
+            &config.touches.sensor,
+            &test,
+            &symmetries,
+            config.seed,
+            READINGS,
+        );
         let n_sessions = config.families_sessions;
         let many = Catalogue { model, sessions, n_sessions, with_unknown: false };
         panels.push(played(&many, &mut report, progress)?);
     }
     Ok(Outcome { report, plot: svg(&panels), pictures: Vec::new() })
-}
-
-fn sessions<'a>(
-    config: &'a Camera,
-    test: &'a [Vec<Reading>],
-    symmetries: &'a [Symmetry],
-) -> Sessions<'a> {
-    Sessions {
-        sensor: &config.touches.sensor,
-        test,
-        symmetries,
-        seed: config.seed,
-        readings: READINGS,
-        threads: 1,
-        disturbance: Disturbance::None,
-    }
 }
 
 /// Plays all sayings with a catalogue; returns its panel.

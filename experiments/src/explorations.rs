@@ -74,7 +74,7 @@ pub struct Strategy {
 }
 
 impl Strategy {
-    /// The printed strategy: presses whatever it meets, wherever the sensor lands.
+    /// The printed strategy: it presses each place that it meets, also one that it has pressed before.
     #[must_use]
     pub fn printed(local: f64) -> Self {
         let key = format!("l{local}").replace('.', "_");

@@ -225,7 +225,20 @@ pub struct Sessions<'a> {
     pub disturbance: Disturbance,
 }
 
-impl Sessions<'_> {
+impl<'a> Sessions<'a> {
+    /// Sessions of `readings` touches without a disturbance, on one thread.
+    #[must_use]
+    pub fn undisturbed(
+        sensor: &'a SensorDescription,
+        test: &'a [Vec<Reading>],
+        symmetries: &'a [Symmetry],
+        seed: u64,
+        readings: usize,
+    ) -> Self {
+        let disturbance = Disturbance::None;
+        Self { sensor, test, symmetries, seed, readings, threads: 1, disturbance }
+    }
+
     /// Plays `n` trials, one after the other: the first trial of each of the first `n_objects`
     /// objects, then the second of each, and so on.
     ///

@@ -108,27 +108,34 @@ pub fn run(config: &SolidGeometry, progress: Progress<'_>) -> anyhow::Result<Out
     Ok(Outcome { report, plot: svg(&panels), pictures: Vec::new() })
 }
 
+/// The true pose of an object in a trial, and the box of poses that the filter knows: `half` (m) to
+/// each side along each axis, `turn` (rad) about each.
+pub(crate) fn placed(seed: u64, [half, turn]: [f64; 2], trial: usize) -> (Pose, PosePrior) {
+    let mut stream = Stream::new(seed, Purpose::ObjectPose, trial as u64);
+    let middle = Pose::from_parts(stream.rotation(), 0.3 * stream.direction());
+    let mut along = |reach: f64| stream.uniform(-reach, reach);
+    let moved = DVec3::new(along(half), along(half), along(half));
+    let turned = DQuat::from_scaled_axis(DVec3::new(along(turn), along(turn), along(turn)));
+    let truth = Pose::from_parts(turned * middle.rotation, middle.translation + moved);
+    let prior = PosePrior::Bounded {
+        session_from_object: middle,
+        half_extent: DVec3::splat(half),
+        half_angle: turn,
+    };
+    (truth, prior)
+}
+
 /// One trial: the object lies somewhere in the box.
 fn play(
     config: &SolidGeometry,
     prepared: &PreparedGeometry,
     sensor: &SensorDescription,
     test: &[Vec<Reading>],
-    [half, turn]: [f64; 2],
+    bounds: [f64; 2],
     trial: usize,
 ) -> anyhow::Result<Vec<Step>> {
     let object = trial % test.len();
-    let mut stream = Stream::new(config.seed, Purpose::ObjectPose, trial as u64);
-    let middle = Pose::from_parts(stream.rotation(), 0.3 * stream.direction());
-    let mut along = |reach: f64| stream.uniform(-reach, reach);
-    let moved = DVec3::new(along(half), along(half), along(half));
-    let turned = DQuat::from_scaled_axis(DVec3::new(along(turn), along(turn), along(turn)));
-    let truth = Pose::from_parts(turned * middle.rotation, middle.translation + moved);
-    let pose = PosePrior::Bounded {
-        session_from_object: middle,
-        half_extent: DVec3::splat(half),
-        half_angle: turn,
-    };
+    let (truth, pose) = placed(config.seed, bounds, trial);
     let filter = GeometricFilter::Adaptive(AdaptiveOptions::default());
     let mut belief =
         GeometricBelief::new(prepared, GeometricOptions { pose, filter, seed: 1 }, None)?;

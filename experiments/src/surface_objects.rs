@@ -19,7 +19,6 @@ use palpate_sim::plot::{Line, Panel, svg};
 use serde::Serialize;
 
 use crate::arguments::{ObjectSet, TouchSet, count};
-use crate::disturbance::Disturbance;
 use crate::object_sessions::{Recogniser, Sessions, train_surface, train_sva};
 use crate::objects::{self, TestObject};
 use crate::played::{Played, PoseError, report_wrong};
@@ -81,15 +80,13 @@ pub fn run(config: &SurfaceObjects, progress: Progress<'_>) -> anyhow::Result<Ou
     let surface = SurfaceConfig::default();
     let model = train_surface(&train, &symmetries, &config.touches.sensor, &surface, config.seed)?;
     let seconds = started.elapsed().as_secs_f64();
-    let sessions = Sessions {
-        sensor: &config.touches.sensor,
-        test: &test,
-        symmetries: &symmetries,
-        seed: config.seed,
-        readings: config.readings,
-        threads: 1,
-        disturbance: Disturbance::None,
-    };
+    let sessions = Sessions::undisturbed(
+        &config.touches.sensor,
+        &test,
+        &symmetries,
+        config.seed,
+        config.readings,
+    );
     let play = |name, prefix, recogniser: &Recogniser, trials, train_seconds| {
         let played = sessions.play(recogniser, objects.len(), trials * objects.len(), progress)?;
         anyhow::Ok(Tested { name, prefix, bytes: recogniser.bytes(), train_seconds, played })

@@ -198,8 +198,8 @@ pub enum PosePrior {
         /// Box that holds the object. Default: anywhere.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         workspace: Option<WorkspaceBox>,
-        /// Share of such statements that are wrong, 0.001 to 0.9; with it the object and its pose
-        /// are as if nothing had been said. Default: 0.1.
+        /// Probability that the statement is wrong, 0.001 to 0.9. A wrong statement says nothing
+        /// about the object and its pose. Default: 0.1.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schema(minimum = 0.001, maximum = 0.9, example = 0.1)]
         wrong: Option<f64>,

@@ -270,7 +270,7 @@ impl Drop for NatsEngine {
             let (publisher, (answer, done)) = (Arc::clone(&self.desk.publisher), channel());
             runtime.spawn(async move {
                 lease::release(&publisher).await;
-                // Nobody waits any more if it took too long.
+                // The receiver is gone after `RELEASE_WITHIN`.
                 let _ = answer.send(());
             });
             // It expires by itself otherwise.

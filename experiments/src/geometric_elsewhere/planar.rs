@@ -50,7 +50,7 @@ const METHODS: [&str; 2] = ["adaptive", "histogram"];
 #[cfg(test)]
 pub(super) const N_ROWS: usize = PLACES.len() * METHODS.len();
 
-/// Test presses of every letter, and the sensor that the recogniser is told.
+/// Test presses of every letter, and the description of the sensor that the recogniser receives.
 struct Place {
     test: Vec<Vec<Reading>>,
     told: SensorDescription,

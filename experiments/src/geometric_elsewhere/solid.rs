@@ -2,8 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::{DQuat, DVec3};
-use palpate_core::pose::Pose;
+use glam::DVec3;
 use palpate_core::reading::Reading;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
@@ -11,8 +10,7 @@ use palpate_core::training::TrainingSet;
 use palpate_core::units::{DEG, MM};
 use palpate_dissertation::geometric::train::{GeometricConfig, map_geometry};
 use palpate_dissertation::geometric::{
-    AdaptiveOptions, GeometricBelief, GeometricFilter, GeometricOptions, PosePrior,
-    PreparedGeometry,
+    AdaptiveOptions, GeometricBelief, GeometricFilter, GeometricOptions, PreparedGeometry,
 };
 use palpate_sim::noise::NoiseLevel;
 use palpate_sim::press::{CoveringConfig, Physics};
@@ -22,6 +20,7 @@ use super::{GeometricElsewhere, Step};
 use crate::covering_thickness::sensor_under;
 use crate::report::Progress;
 use crate::sensing::Sensing;
+use crate::solid_geometry::placed;
 
 /// Training and test readings per object.
 const TRAIN: usize = 400;
@@ -62,7 +61,7 @@ pub(super) fn run(
     Ok((elsewhere.into_iter().map(|(name, _)| name.to_owned()).collect(), steps))
 }
 
-/// Where test touches come from, by the name of the row. The recogniser is told the sensor.
+/// Names of the rows: what makes the test touches. The recogniser receives the sensor's description.
 fn elsewhere(preset: &Sensing) -> anyhow::Result<Vec<(&'static str, Sensing)>> {
     let noise_level = NoiseLevel::new(0.1).unwrap_or(NoiseLevel::NONE);
     let elastic =
@@ -86,19 +85,8 @@ fn play(
     row: usize,
     trial: usize,
 ) -> anyhow::Result<Vec<Step>> {
-    let [half, turn] = BOX;
     let object = trial % test.len();
-    let mut stream = Stream::new(config.seed, Purpose::ObjectPose, trial as u64);
-    let middle = Pose::from_parts(stream.rotation(), 0.3 * stream.direction());
-    let mut along = |reach: f64| stream.uniform(-reach, reach);
-    let moved = DVec3::new(along(half), along(half), along(half));
-    let turned = DQuat::from_scaled_axis(DVec3::new(along(turn), along(turn), along(turn)));
-    let truth = Pose::from_parts(turned * middle.rotation, middle.translation + moved);
-    let pose = PosePrior::Bounded {
-        session_from_object: middle,
-        half_extent: DVec3::splat(half),
-        half_angle: turn,
-    };
+    let (truth, pose) = placed(config.seed, BOX, trial);
     let filter = GeometricFilter::Adaptive(AdaptiveOptions::default());
     let options = GeometricOptions { pose, filter, seed: 1 };
     let mut belief = GeometricBelief::new(prepared, options, None)?;

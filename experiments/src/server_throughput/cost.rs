@@ -19,7 +19,6 @@ use serde::Serialize;
 use super::echo::Echo;
 use super::{CATALOGUE, READINGS_PER_SESSION, ServerThroughput, Setting, measure, numbered};
 use crate::cpu_time::{process_seconds, thread_seconds};
-use crate::disturbance::Disturbance;
 use crate::object_sessions::{Recogniser, Sessions, train_calibrated};
 use crate::objects;
 use crate::own_server::OwnServer;
@@ -122,15 +121,8 @@ fn recogniser(
     let symmetries = objects::symmetries(&objects);
     let surface = SurfaceConfig::default();
     let model = train_calibrated(&train, &symmetries, &sensor, &surface, config.seed)?;
-    let sessions = Sessions {
-        sensor: &sensor,
-        test: readings,
-        symmetries: &symmetries,
-        seed: config.seed,
-        readings: READINGS_PER_SESSION,
-        threads: 1,
-        disturbance: Disturbance::None,
-    };
+    let sessions =
+        Sessions::undisturbed(&sensor, readings, &symmetries, config.seed, READINGS_PER_SESSION);
     let recogniser = Recogniser::Surface { model, options: SurfaceOptions::default() };
     let n_sessions = (config.readings / READINGS_PER_SESSION).max(objects.len());
     let played = sessions.play(&recogniser, objects.len(), n_sessions, progress)?;

@@ -27,7 +27,6 @@ use serde::Serialize;
 use super::figures::resident_bytes;
 use super::oracle::{self, Examined};
 use super::{InCatalogue, LETTER, SurfaceScale, report_left_out};
-use crate::disturbance::Disturbance;
 use crate::families::Families;
 use crate::object_sessions::{Recogniser, Sessions};
 use crate::objects::{self, TestObject};
@@ -127,7 +126,13 @@ pub(super) fn run(
         measured.push(figures);
         if config.oracle > 0 && (*count >= EXAMINED_MIN || *count == largest) {
             let symmetries = vec![Symmetry::NONE; test.len()];
-            let sessions = sessions(config, &test, &symmetries);
+            let sessions = Sessions::undisturbed(
+                &config.touches.sensor,
+                &test,
+                &symmetries,
+                config.seed,
+                READINGS,
+            );
             let (model, sessions) = (&model, &sessions);
             let examined = Examined::new(config, growth.train_readings, model, sessions, &played);
             objects = objects.again()?;
@@ -259,7 +264,8 @@ fn measure(
     let count = model.maps().len();
     let surface = Recogniser::Surface { model: model.clone(), options: SurfaceOptions::default() };
     let symmetries = vec![Symmetry::NONE; test.len()];
-    let mut sessions = sessions(config, test, &symmetries);
+    let mut sessions =
+        Sessions::undisturbed(&config.touches.sensor, test, &symmetries, config.seed, READINGS);
     let n_sessions = growth.sessions.max(count);
     let played = sessions.play(&surface, count, n_sessions, progress)?;
     let wall = mean(&played.wall_ms());
@@ -294,23 +300,6 @@ fn measure(
     }
     let (accuracy, bytes) = (played.accuracy(READINGS), surface.bytes() as f64);
     Ok((Measured { count, accuracy, ms, bytes }, played))
-}
-
-/// The sessions with any of these catalogues, on one thread.
-fn sessions<'a>(
-    config: &'a SurfaceScale,
-    test: &'a [Vec<Reading>],
-    symmetries: &'a [Symmetry],
-) -> Sessions<'a> {
-    Sessions {
-        sensor: &config.touches.sensor,
-        test,
-        symmetries,
-        seed: config.seed,
-        readings: READINGS,
-        threads: 1,
-        disturbance: Disturbance::None,
-    }
 }
 
 /// Slope of the least-squares line through points.

@@ -19,8 +19,8 @@ use crate::pose_prior::{PoseHypothesis, PosePrior, PosePriorError, Workspace, bl
 /// Squared deviations beyond which a hypothesis says nothing: its density is below e⁻²⁵ of the peak.
 const FAR: f32 = 50.0;
 
-/// Share of objects that are taken for another one and stand as that one would; the others may be
-/// turned any way.
+/// Chosen: share of objects outside the catalogue that the camera confuses with a known object, and
+/// that stand in its pose. The others have any orientation.
 const ALIKE: f32 = 0.5;
 
 /// Least share of a hypothesis inside the workspace.

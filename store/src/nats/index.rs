@@ -148,7 +148,7 @@ impl Index {
         Ok(())
     }
 
-    /// Forgets an empty unit of which the stream has no message any more.
+    /// Removes an empty unit from the index, after its last message has left the stream.
     pub(super) fn forget(&mut self, id: &[u8]) {
         if let Some(state) = self.units.get(id).filter(|state| state.n_keys == 0) {
             self.logged_bytes -= state.logged_bytes;

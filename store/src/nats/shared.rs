@@ -83,7 +83,7 @@ impl Shared {
         self.index.write().unwrap_or_else(PoisonError::into_inner).forget_expired();
     }
 
-    /// Forgets an empty unit of which the stream has no message.
+    /// Removes an empty unit from the index, after its last message has left the stream.
     pub(super) fn forget(&self, unit: &[u8]) {
         self.index.write().unwrap_or_else(PoisonError::into_inner).forget(unit);
     }

@@ -2172,8 +2172,8 @@ export interface components {
             workspace?: components["schemas"]["WorkspaceBox"] | null;
             /**
              * Format: double
-             * @description Share of such statements that are wrong, 0.001 to 0.9; with it the object and its pose
-             *     are as if nothing had been said. Default: 0.1.
+             * @description Probability that the statement is wrong, 0.001 to 0.9. A wrong statement says nothing
+             *     about the object and its pose. Default: 0.1.
              * @example 0.1
              */
             wrong?: number | null;
