@@ -1,7 +1,6 @@
 //! Tactile array sensors: their description, calibration, passport and point spread.
 
 pub mod arrays;
-pub mod calibration;
 pub mod coupling;
 pub mod covering;
 pub mod defaults;
@@ -11,6 +10,8 @@ pub mod layout;
 pub mod unrolling;
 pub mod description;
 pub mod line;
+pub mod response_curve;
+pub mod calibration;
 pub mod point_spread;
 pub mod presets;
 pub mod ranges;

@@ -4,6 +4,8 @@ use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use uuid::Uuid;
 
+use crate::ForceKnot;
+
 /// Indentations to calibrate a sensor with.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
@@ -14,6 +16,21 @@ pub struct CalibrateSensor {
     /// Presses on a fine grid, for fitting the point spread.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spread: Option<SpreadPresses>,
+    /// Form of the responses. Default: `lines`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub form: Option<ResponseForm>,
+}
+
+/// Form of the responses of taxels.
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ResponseForm {
+    /// A line for each taxel, and a common one.
+    #[default]
+    Lines,
+    /// A rising curve through the mean pressures at the pressed depths for each taxel, and a common
+    /// one. For sensors that stiffen; it also gives their force curve.
+    Curves,
 }
 
 /// One press at the centre of a taxel with a small indenter.
@@ -26,7 +43,7 @@ pub struct ResponsePress {
     /// The taxel's column in the sensor's frame (along +x), from 0.
     #[schema(example = 3)]
     pub col: u32,
-    /// Displacement of the covering's surface, in metres.
+    /// Displacement of the covering's surface, in metres; 0 for a reading at rest.
     #[schema(example = 0.0004)]
     pub depth: f64,
     /// The image in pascal, as the driver sends it; null for a taxel without a value.
@@ -86,11 +103,23 @@ pub struct SensorCalibration {
     /// Number of the calibration whose passport applies after these lines; null if there is none.
     #[serde(default)]
     pub passport: Option<u32>,
-    /// The response line to which every usable taxel is corrected.
+    /// Form of the responses.
+    pub form: ResponseForm,
+    /// The response line to which every usable taxel is corrected; with curves the line through the
+    /// same points, which is not used.
     pub target: ResponseLine,
-    /// Fit of the measured responses to the target line.
+    /// The response curve to which every usable taxel is corrected, by depth; null with lines. It
+    /// is straight between its knots and goes on straight beyond them.
+    pub curve: Option<Vec<ResponseKnot>>,
+    /// The force curve for the description of a sensor with this response: the pressures of `curve`
+    /// above that at rest. A small indenter shows its shape alone, so displacements are scaled such
+    /// that it meets the described curve at the deepest knot. Null with lines, and if the responses
+    /// give no force curve.
+    pub force_curve: Option<Vec<ForceKnot>>,
+    /// Fit of the measured responses to the target.
     pub before: ResponseGoodness,
-    /// Fit of the corrected responses to the target line.
+    /// Fit of the corrected responses to the target; with curves, each press is corrected by curves
+    /// that do not know its depth.
     pub after: ResponseGoodness,
     /// Number of presses in the fit.
     pub n_presses: u32,
@@ -114,7 +143,16 @@ pub struct ResponseLine {
     pub offset: f64,
 }
 
-/// Quality of a linear fit.
+/// A knot of a response curve.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct ResponseKnot {
+    /// Depth of indentation in metres.
+    pub depth: f64,
+    /// Pressure in pascal.
+    pub pressure: f64,
+}
+
+/// Quality of a fit.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct ResponseGoodness {
     /// Coefficient of determination; 1 is a perfect fit.
@@ -124,7 +162,7 @@ pub struct ResponseGoodness {
 }
 
 /// Response of one taxel.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct TaxelCalibration {
     /// Row of the taxel, from 0.
     pub row: u32,
@@ -136,6 +174,8 @@ pub struct TaxelCalibration {
     pub offset: f64,
     /// Coefficient of determination of its line.
     pub r_squared: f64,
+    /// Its response curve, by depth; null with lines, and if it is not usable.
+    pub curve: Option<Vec<ResponseKnot>>,
     /// State of the taxel.
     pub state: TaxelState,
     /// The taxel to whose presses this one responds; null unless it is cross-wired.

@@ -52,9 +52,9 @@ pub use belief::{
     Belief, BeliefQuery, ObjectProbability, PoseHypothesis, StopAdvice, UncalibratedReason,
 };
 pub use calibration::{
-    CalibrateSensor, CalibrationQuery, ResponseGoodness, ResponseLine, ResponsePress,
-    SensorCalibration, SpreadCalibration, SpreadPress, SpreadPresses, TaxelCalibration, TaxelPlace,
-    TaxelState,
+    CalibrateSensor, CalibrationQuery, ResponseForm, ResponseGoodness, ResponseKnot, ResponseLine,
+    ResponsePress, SensorCalibration, SpreadCalibration, SpreadPress, SpreadPresses,
+    TaxelCalibration, TaxelPlace, TaxelState,
 };
 pub use camera::{ClassWeight, StatedPose, WorkspaceBox};
 pub use commissioning::{

@@ -2,7 +2,8 @@
 //!
 //! Every taxel has its own gain and offset, one is dead and one is wired to its neighbour. A
 //! small indenter is stiffer than a uniform displacement. The imaging model gives only the
-//! shape of its image, so the scale is chosen: the deepest press reads 60 % of the range.
+//! shape of its image, so the scale is chosen: the deepest press reads 60 % of the range, along
+//! the description's force curve.
 //! Lengths in metres in the sensor frame, images row-major in pascal.
 
 use palpate_core::rng::{Purpose, Stream};
@@ -109,8 +110,8 @@ struct Bench<'a> {
     offsets: Vec<f64>,
     dead: Option<usize>,
     cross_wired: Option<(usize, usize)>,
-    /// Pascal for a metre of depth and a unit of the image.
-    stiffness: f64,
+    /// Displacement for a metre of depth and a unit of the image.
+    displacement: f64,
 }
 
 impl<'a> Bench<'a> {
@@ -138,8 +139,9 @@ impl<'a> Bench<'a> {
         let own = image(grid.center(grid.rows / 2, grid.cols / 2))[pressed];
         let thickness = parameters.covering_thickness;
         let deepest = (0.6 * thickness.min(1.0 * MM)).max(0.65 * thickness);
-        let stiffness = DEEPEST * parameters.saturation / (own * deepest);
-        Self { sensor, gains, offsets, dead, cross_wired, stiffness }
+        let reached = parameters.force_curve.displacement(DEEPEST * parameters.saturation);
+        let displacement = reached / (own * deepest);
+        Self { sensor, gains, offsets, dead, cross_wired, displacement }
     }
 
     /// The mean of several readings of a press.
@@ -149,7 +151,8 @@ impl<'a> Bench<'a> {
             let crossed = self.cross_wired.filter(|(wrong, _)| *wrong == taxel);
             let reads = crossed.map_or(taxel, |(_, beside)| beside);
             let gain = if Some(taxel) == self.dead { 0.0 } else { self.gains[taxel] };
-            let ideal = gain * self.stiffness * depth * shape[reads] + self.offsets[taxel];
+            let pressed = parameters.force_curve.pressure(self.displacement * depth * shape[reads]);
+            let ideal = gain * pressed + self.offsets[taxel];
             let mut sum = 0.0;
             for _ in 0..N_FRAMES {
                 let noisy = ideal + parameters.noise * stream.normal();
@@ -165,7 +168,7 @@ impl<'a> Bench<'a> {
 
 #[cfg(test)]
 mod tests {
-    use palpate_core::sensor::response::fit_response;
+    use palpate_core::sensor::response::{ResponseForm, fit_response};
     use palpate_core::sensor::spread_fit::{SpreadPress, fit_spread};
     use palpate_core::sensor::{SensorParameters, TaxelGrid, TaxelState};
 
@@ -177,7 +180,13 @@ mod tests {
         let parameters = sensor.parameters();
         for seed in 1..=5 {
             let run = indentation_run(&sensor, seed);
-            let fit = fit_response(&run.response, sensor.grid(), parameters.saturation).unwrap();
+            let fit = fit_response(
+                &run.response,
+                sensor.grid(),
+                parameters.saturation,
+                ResponseForm::Lines,
+            )
+            .unwrap();
             let calibration = &fit.calibration;
             for (taxel, response) in calibration.taxels().iter().enumerate() {
                 let expected = match taxel {
@@ -196,8 +205,7 @@ mod tests {
                 let mut pressures: Vec<Option<f64>> =
                     press.pressures.iter().copied().map(Some).collect();
                 calibration.correct(&mut pressures);
-                let offset = calibration.target().offset;
-                pressures.iter_mut().flatten().for_each(|p| *p -= offset);
+                pressures.iter_mut().flatten().for_each(|p| *p = calibration.straightened(*p));
                 SpreadPress { at: press.at, pressures }
             };
             let presses: Vec<SpreadPress> = run.spread.iter().map(corrected).collect();

@@ -4,6 +4,7 @@ use palpate_core::pose::PoseError;
 use palpate_core::sensor::SensorError;
 use palpate_core::sensor::calibration::CalibrationError;
 use palpate_core::sensor::passport::PassportError;
+use palpate_core::sensor::response_curve::ResponseCurveError;
 use thiserror::Error;
 use uuid::Uuid;
 
@@ -57,6 +58,9 @@ pub enum RecordError {
     /// The numbers are not a calibration.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
+    /// Stored knots are not a response curve.
+    #[error(transparent)]
+    ResponseCurve(#[from] ResponseCurveError),
     /// The numbers are not a passport.
     #[error(transparent)]
     Passport(#[from] PassportError),

@@ -119,8 +119,8 @@ fn check_command(command: &str) {
     let mut source = std::fs::read_to_string(&file)
         .unwrap_or_else(|_| panic!("{command}: there is no subcommand {name}"));
     if let Ok(entries) = std::fs::read_dir(folder.join(&name)) {
-        for entry in entries {
-            source += &std::fs::read_to_string(entry.unwrap().path()).unwrap();
+        for path in entries.map(|entry| entry.unwrap().path()).filter(|path| path.is_file()) {
+            source += &std::fs::read_to_string(path).unwrap();
         }
     }
     if name == "experiment" {

@@ -51,7 +51,8 @@ pub(crate) async fn indent(
         covering_thickness: Some(description.parameters().covering_thickness),
         presses: presses.collect(),
     };
-    let indentations = CalibrateSensor { response: response.collect(), spread: Some(spread) };
+    let indentations =
+        CalibrateSensor { response: response.collect(), spread: Some(spread), form: None };
     let text = serde_json::to_string(&indentations)?;
     std::fs::write(out, text).with_context(|| format!("cannot write {}", out.display()))?;
     let place = |taxel: usize| format!("row {}, column {}", taxel / grid.cols, taxel % grid.cols);
@@ -145,16 +146,25 @@ pub(crate) fn text(calibration: &SensorCalibration) -> String {
         }
     }
     let (before, after) = (calibration.before, calibration.after);
+    let target = match &calibration.curve {
+        Some(curve) => {
+            let knots = curve.iter().map(|knot| (knot.depth, knot.pressure));
+            format!("target (mm, kPa): {}", knots_text(knots))
+        }
+        None => format!(
+            "target {:.2} kPa/mm · depth {:+.2} kPa",
+            calibration.target.slope / 1e6,
+            calibration.target.offset / 1e3
+        ),
+    };
     lines.push(format!(
-        "target {:.2} kPa/mm · depth {:+.2} kPa; residual {:.0} Pa as measured (R² {:.3}), {:.0} Pa \
-         corrected (R² {:.3})",
-        calibration.target.slope / 1e6,
-        calibration.target.offset / 1e3,
-        before.residual,
-        before.r_squared,
-        after.residual,
-        after.r_squared
+        "{target}; residual {:.0} Pa as measured (R² {:.3}), {:.0} Pa corrected (R² {:.3})",
+        before.residual, before.r_squared, after.residual, after.r_squared
     ));
+    if let Some(curve) = &calibration.force_curve {
+        let knots = curve.iter().map(|knot| (knot.displacement, knot.pressure));
+        lines.push(format!("force curve for the description (mm, kPa): {}", knots_text(knots)));
+    }
     if let Some(spread) = calibration.spread {
         lines.push(format!(
             "point spread {} ({:.3} element widths; described {}, equation 2.5 {}), cosine {:.4}, \
@@ -168,4 +178,11 @@ pub(crate) fn text(calibration: &SensorCalibration) -> String {
         ));
     }
     lines.join("\n")
+}
+
+/// Knots in millimetres and kilopascal.
+fn knots_text(knots: impl Iterator<Item = (f64, f64)>) -> String {
+    let knot =
+        |(length, pressure): (f64, f64)| format!("{:.2} {:.2}", length * 1e3, pressure / 1e3);
+    knots.map(knot).collect::<Vec<_>>().join(", ")
 }

@@ -10,7 +10,8 @@ use anyhow::Context as _;
 use clap::{Args, Subcommand};
 use palpate_client::schemas::{
     CalibrateSensor, CalibrationQuery, CreateSensor, DescribeSensor, Drawing, Reading,
-    ReadingCheck, ReferenceBody, ReferenceBodyName, Sensor, SensorPassport, SensorPreset,
+    ReadingCheck, ReferenceBody, ReferenceBodyName, ResponseForm, Sensor, SensorPassport,
+    SensorPreset,
 };
 
 use super::labels::{self, LabelArgs, WantedArgs};
@@ -69,6 +70,9 @@ enum Action {
         /// JSON file with the API's `CalibrateSensor`.
         #[arg(long, value_name = "FILE")]
         file: PathBuf,
+        /// Fit curves instead of lines, for a sensor that stiffens.
+        #[arg(long)]
+        curves: bool,
     },
     /// Show a sensor's calibration.
     Calibration {
@@ -170,8 +174,11 @@ pub(crate) async fn run(args: SensorsArgs, context: &Context) -> anyhow::Result<
             client.delete_sensor(&sensor).await?;
             output.answer(&(), |()| format!("removed sensor {sensor}"))
         }
-        Action::Calibrate { sensor, file } => {
-            let indentations: CalibrateSensor = read_json(file)?;
+        Action::Calibrate { sensor, file, curves } => {
+            let mut indentations: CalibrateSensor = read_json(file)?;
+            if curves {
+                indentations.form = Some(ResponseForm::Curves);
+            }
             let calibration = client.calibrate_sensor(&sensor, &indentations).await?;
             output.answer(&calibration, calibrate::text)
         }

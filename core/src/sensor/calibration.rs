@@ -1,12 +1,13 @@
 //! Calibration: maps the uneven responses of a sensor's taxels to one common response.
 //!
-//! Source: section 2.2, equation 2.1 with an offset for every taxel (`docs/equations.md`).
-//! Pressures in pascal, row-major in the sensor frame's order. Not here: fitting it to
-//! indentations (`response`).
+//! Source: section 2.2, equation 2.1 with an offset for every taxel (`docs/equations.md`), or the
+//! same with curves instead of lines. Pressures in pascal, row-major in the sensor frame's order.
+//! Not here: fitting it to indentations (`response`).
 
 use thiserror::Error;
 
 use super::line::Line;
+use super::response_curve::ResponseCurves;
 
 /// State of a taxel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,6 +39,7 @@ pub struct TaxelResponse {
 pub struct Calibration {
     target: Line,
     taxels: Vec<TaxelResponse>,
+    curves: Option<ResponseCurves>,
 }
 
 /// Error of numbers that are not a calibration.
@@ -67,6 +69,12 @@ pub enum CalibrationError {
         /// Number of taxels.
         n_taxels: usize,
     },
+    /// A usable taxel has no curve, or there are curves for more taxels than exist.
+    #[error("taxel {taxel} has no response curve, expected one for every usable taxel alone")]
+    Curve {
+        /// Its row-major index.
+        taxel: usize,
+    },
 }
 
 impl Calibration {
@@ -92,13 +100,36 @@ impl Calibration {
                 TaxelState::Ok | TaxelState::Dead | TaxelState::CrossWired { .. } => {}
             }
         }
-        Ok(Self { target, taxels })
+        Ok(Self { target, taxels, curves: None })
+    }
+
+    /// The same calibration with curves in place of the lines.
+    ///
+    /// # Errors
+    /// [`CalibrationError::Curve`] unless the usable taxels, and no others, have a curve.
+    pub fn with_curves(self, curves: ResponseCurves) -> Result<Self, CalibrationError> {
+        let n_taxels = self.taxels.len().max(curves.taxels.len());
+        let is_right = |taxel: &usize| {
+            let curve = curves.taxels.get(*taxel);
+            *taxel < self.taxels.len()
+                && curve.is_some_and(|curve| curve.is_some() == self.is_usable(*taxel))
+        };
+        match (0..n_taxels).find(|taxel| !is_right(taxel)) {
+            Some(taxel) => Err(CalibrationError::Curve { taxel }),
+            None => Ok(Self { curves: Some(curves), ..self }),
+        }
     }
 
     /// The common response line after the correction.
     #[must_use]
     pub fn target(&self) -> Line {
         self.target
+    }
+
+    /// The curves that apply in place of the lines, if any.
+    #[must_use]
+    pub fn curves(&self) -> Option<&ResponseCurves> {
+        self.curves.as_ref()
     }
 
     /// The taxels in row-major order.
@@ -113,12 +144,27 @@ impl Calibration {
         self.taxels[taxel].state == TaxelState::Ok
     }
 
-    /// The corrected pressure (Pa) of a usable taxel. Equation 2.1:
-    /// adj(res) = b + a · (res − bᵢ) / aᵢ.
+    /// The corrected pressure (Pa) of a usable taxel: the common response at the depth at which
+    /// the taxel responds so. With lines that is equation 2.1, adj(res) = b + a · (res − bᵢ) / aᵢ.
     #[must_use]
     pub fn corrected(&self, taxel: usize, pressure: f64) -> f64 {
+        if let Some(curves) = &self.curves
+            && let Some(own) = &curves.taxels[taxel]
+        {
+            return curves.target.at(own.depth(pressure));
+        }
         let own = &self.taxels[taxel].line;
         self.target.offset + self.target.slope * (pressure - own.offset) / own.slope
+    }
+
+    /// A corrected pressure (Pa) in proportion to the covering's displacement: above the pressure
+    /// at rest, and straightened if the response is a curve.
+    #[must_use]
+    pub fn straightened(&self, corrected: f64) -> f64 {
+        match &self.curves {
+            Some(curves) => self.target.slope * curves.target.depth(corrected),
+            None => corrected - self.target.offset,
+        }
     }
 
     /// Corrects a row-major image (Pa) in place; unusable taxels lose their value.
@@ -134,6 +180,7 @@ impl Calibration {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sensor::response_curve::ResponseCurve;
 
     fn taxel(slope: f64, offset: f64, state: TaxelState) -> TaxelResponse {
         TaxelResponse { line: Line { slope, offset }, r_squared: 1.0, state }
@@ -154,6 +201,25 @@ mod tests {
         calibration.correct(&mut image);
         assert_eq!(image[1..], [None, None, None]);
         assert!((image[0].unwrap() - 21.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn curves_apply_in_place_of_lines() {
+        // The taxel gives 4 at depth 1 and 16 at depth 2; the target 1 and 10.
+        let curve = |knots: &[(f64, f64)]| ResponseCurve::new(knots.to_vec()).unwrap();
+        let own = Some(curve(&[(0.0, 0.0), (1.0, 4.0), (2.0, 16.0)]));
+        let target = curve(&[(0.0, 0.0), (1.0, 1.0), (2.0, 10.0)]);
+        let line = Line { slope: 5.0, offset: 0.0 };
+        let taxels = vec![taxel(8.0, 0.0, TaxelState::Ok), taxel(0.0, 0.0, TaxelState::Dead)];
+        let lines = Calibration::new(line, taxels).unwrap();
+        let curves = |taxels| ResponseCurves { target: target.clone(), taxels };
+        let calibration = lines.clone().with_curves(curves(vec![own.clone(), None])).unwrap();
+        assert!((calibration.corrected(0, 10.0) - 5.5).abs() < 1e-12);
+        assert!((calibration.straightened(5.5) - 7.5).abs() < 1e-12, "depth 1.5");
+        for wrong in [vec![None, None], vec![own.clone()], vec![own.clone(), own.clone()]] {
+            let refused = lines.clone().with_curves(curves(wrong.clone()));
+            assert!(matches!(refused, Err(CalibrationError::Curve { .. })), "{wrong:?}");
+        }
     }
 
     #[test]

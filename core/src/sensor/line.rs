@@ -9,7 +9,7 @@ pub struct Line {
     pub offset: f64,
 }
 
-/// Goodness of a line's fit to points.
+/// Goodness of a fit to points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Goodness {
     /// 1 − residual over total sum of squares; 1 when the points do not vary at all.
@@ -43,12 +43,20 @@ impl Line {
     /// The goodness of fit of this line to any points.
     #[must_use]
     pub fn goodness(&self, points: &[(f64, f64)]) -> Goodness {
+        Goodness::of(points, |x| self.at(x))
+    }
+}
+
+impl Goodness {
+    /// The goodness of `at`, y over x, at points (x, y).
+    #[must_use]
+    pub fn of(points: &[(f64, f64)], at: impl Fn(f64) -> f64) -> Self {
         let n = points.len().max(1) as f64;
         let mean_y = points.iter().map(|point| point.1).sum::<f64>() / n;
         let total: f64 = points.iter().map(|point| (point.1 - mean_y).powi(2)).sum();
-        let left: f64 = points.iter().map(|point| (point.1 - self.at(point.0)).powi(2)).sum();
+        let left: f64 = points.iter().map(|point| (point.1 - at(point.0)).powi(2)).sum();
         let r_squared = if total > 0.0 { 1.0 - left / total } else { 1.0 };
-        Goodness { r_squared, residual: (left / n).sqrt() }
+        Self { r_squared, residual: (left / n).sqrt() }
     }
 }
 

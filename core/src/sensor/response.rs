@@ -11,6 +11,7 @@ use thiserror::Error;
 use super::calibration::{Calibration, CalibrationError, TaxelResponse, TaxelState};
 use super::grid::TaxelGrid;
 use super::line::{Goodness, Line};
+use super::response_curve::{ResponseCurve, ResponseCurves};
 
 /// Fraction of the median slope below which a taxel is dead.
 const DEAD_SHARE: f64 = 0.2;
@@ -19,13 +20,29 @@ const DEAD_SHARE: f64 = 0.2;
 const CROSS_MARGIN: f64 = 0.05;
 /// Margin in standard errors of the difference of two slopes.
 const CROSS_DEVIATIONS: f64 = 3.0;
+/// Parts of the depths that are left out in turn to judge curves. Chosen: five depths are usual, so
+/// that each is left out once.
+const DEPTH_FOLDS: usize = 5;
+
+/// Form of the responses that are fitted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ResponseForm {
+    /// Lines: equation 2.1.
+    #[default]
+    Lines,
+    /// Rising curves, which also show the force curve of the sensor.
+    Curves,
+}
+
+/// Points (depth, pressure).
+type Points = Vec<(f64, f64)>;
 
 /// One press at the centre of a taxel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Indentation {
     /// Row-major index of the pressed taxel.
     pub taxel: usize,
-    /// Depth, metres.
+    /// Depth, metres; 0 for a reading at rest.
     pub depth: f64,
     /// The image, Pa, row-major; `None` for a taxel without a value.
     pub pressures: Vec<Option<f64>>,
@@ -36,9 +53,10 @@ pub struct Indentation {
 pub struct ResponseFit {
     /// The calibration.
     pub calibration: Calibration,
-    /// Responses of the usable taxels as measured, against the target line.
+    /// Responses of the usable taxels as measured, against the target.
     pub before: Goodness,
-    /// The same responses after the correction.
+    /// The same responses after the correction; with curves, each press corrected by curves that do
+    /// not know its depth.
     pub after: Goodness,
 }
 
@@ -56,7 +74,7 @@ pub enum ResponseError {
         n_taxels: usize,
     },
     /// A depth is out of range.
-    #[error("press {press} is {depth} m deep, expected a finite number above 0")]
+    #[error("press {press} is {depth} m deep, expected a finite number from 0")]
     Depth {
         /// Index of the press.
         press: usize,
@@ -84,6 +102,17 @@ pub enum ResponseError {
         /// Column of the taxel.
         col: usize,
     },
+    /// A usable taxel has no rising curve.
+    #[error(
+        "the response of the taxel in row {row}, column {col} does not rise from depth to depth: \
+         press it deeper, or fit lines"
+    )]
+    Curve {
+        /// Row of the taxel.
+        row: usize,
+        /// Column of the taxel.
+        col: usize,
+    },
     /// Fewer than half of the taxels respond to presses on them.
     #[error(
         "only {usable} of {n_taxels} taxels answer their own presses, expected at least half: \
@@ -100,7 +129,8 @@ pub enum ResponseError {
     Fit(#[from] CalibrationError),
 }
 
-/// Fits a calibration. Values at or above `saturation` (Pa) are left out.
+/// Fits a calibration. Values at or above `saturation` (Pa) are left out. Curves need depths that
+/// differ as lines do; from two depths they are lines between these.
 ///
 /// # Errors
 /// [`ResponseError`] names the first invalid press or taxel.
@@ -108,6 +138,7 @@ pub fn fit_response(
     presses: &[Indentation],
     grid: &TaxelGrid,
     saturation: f64,
+    form: ResponseForm,
 ) -> Result<ResponseFit, ResponseError> {
     let by_taxel = by_taxel(presses, grid)?;
     let measured = Measured { presses, by_taxel, saturation };
@@ -133,15 +164,16 @@ pub fn fit_response(
     let pooled: Vec<(f64, f64)> =
         usable.iter().flat_map(|taxel| measured.points(*taxel, *taxel)).collect();
     let target = Line::fit(&pooled).ok_or(CalibrationError::Target { slope: 0.0 })?;
-    let calibration = Calibration::new(target, taxels)?;
-    let corrected: Vec<(f64, f64)> = usable
-        .iter()
-        .flat_map(|&taxel| {
-            let points = measured.points(taxel, taxel).into_iter();
-            points.map(|(depth, p)| (depth, calibration.corrected(taxel, p))).collect::<Vec<_>>()
-        })
-        .collect();
-    let (before, after) = (target.goodness(&pooled), target.goodness(&corrected));
+    let mut calibration = Calibration::new(target, taxels)?;
+    if form == ResponseForm::Curves {
+        calibration = calibration.with_curves(measured.curves(&usable, grid)?)?;
+    }
+    let corrected = measured.corrected(&usable, &calibration);
+    let goodness = |points: &[(f64, f64)]| match calibration.curves() {
+        Some(curves) => curves.target.goodness(points),
+        None => target.goodness(points),
+    };
+    let (before, after) = (goodness(&pooled), goodness(&corrected));
     Ok(ResponseFit { calibration, before, after })
 }
 
@@ -154,7 +186,7 @@ fn by_taxel(presses: &[Indentation], grid: &TaxelGrid) -> Result<Vec<Vec<usize>>
         if taxel >= n_taxels {
             return Err(ResponseError::Taxel { press, taxel, n_taxels });
         }
-        if !(depth.is_finite() && depth > 0.0) {
+        if !(depth.is_finite() && depth >= 0.0) {
             return Err(ResponseError::Depth { press, depth });
         }
         if pressures.len() != n_taxels {
@@ -192,6 +224,63 @@ impl Measured<'_> {
             Some((press.depth, pressure))
         };
         self.by_taxel[pressed].iter().filter_map(point).collect()
+    }
+
+    /// Depths and corrected pressures of the usable taxels' own presses. A curve meets a press that
+    /// is alone at its depth, so that curves are judged at depths that they were not fitted to:
+    /// one fold of the depths after the other is corrected by the curves of the others.
+    fn corrected(&self, usable: &[usize], calibration: &Calibration) -> Vec<(f64, f64)> {
+        let own: Vec<(usize, Vec<(f64, f64)>)> =
+            usable.iter().map(|&taxel| (taxel, self.points(taxel, taxel))).collect();
+        let in_full = |taxel: usize, p: f64| calibration.corrected(taxel, p);
+        if calibration.curves().is_none() {
+            let each = own.iter().flat_map(|(taxel, points)| {
+                points.iter().map(|&(depth, p)| (depth, in_full(*taxel, p)))
+            });
+            return each.collect();
+        }
+        let mut depths: Vec<f64> = own.iter().flat_map(|own| own.1.iter().map(|p| p.0)).collect();
+        depths.sort_by(f64::total_cmp);
+        depths.dedup();
+        let fold_of = |depth: f64| depths.partition_point(|other| *other < depth) % DEPTH_FOLDS;
+        let mut corrected = Vec::new();
+        for fold in 0..DEPTH_FOLDS {
+            let parts: Vec<(usize, Points, Points)> = own
+                .iter()
+                .map(|(taxel, points)| {
+                    let (left_out, others) =
+                        points.iter().partition(|point| fold_of(point.0) == fold);
+                    (*taxel, left_out, others)
+                })
+                .collect();
+            let pooled: Points = parts.iter().flat_map(|part| part.2.iter().copied()).collect();
+            let target = ResponseCurve::fit(&pooled);
+            for (taxel, left_out, others) in parts {
+                let own = ResponseCurve::fit(&others);
+                corrected.extend(left_out.iter().map(|&(depth, p)| {
+                    let by_others = target.as_ref().zip(own.as_ref());
+                    let by_others = by_others.map(|(target, own)| target.at(own.depth(p)));
+                    (depth, by_others.unwrap_or_else(|| in_full(taxel, p)))
+                }));
+            }
+        }
+        corrected
+    }
+
+    /// The curves of the usable taxels, and the one of all their points.
+    fn curves(&self, usable: &[usize], grid: &TaxelGrid) -> Result<ResponseCurves, ResponseError> {
+        let mut taxels = vec![None; grid.n_taxels()];
+        let mut pooled = Vec::new();
+        let refused =
+            |taxel: usize| ResponseError::Curve { row: taxel / grid.cols, col: taxel % grid.cols };
+        for &taxel in usable {
+            let points = self.points(taxel, taxel);
+            taxels[taxel] = Some(ResponseCurve::fit(&points).ok_or_else(|| refused(taxel))?);
+            pooled.extend(points);
+        }
+        let first = usable.first().copied().unwrap_or(0);
+        let target = ResponseCurve::fit(&pooled).ok_or_else(|| refused(first))?;
+        Ok(ResponseCurves { target, taxels })
     }
 
     fn state(&self, taxel: usize, own: &Line, floor: f64, grid: &TaxelGrid) -> TaxelState {
@@ -238,94 +327,4 @@ fn neighbors(taxel: usize, grid: &TaxelGrid) -> impl Iterator<Item = usize> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::sensor::spread_fit::{Indenter, indentation_image};
-    use crate::units::{KPA, MM};
-
-    const GRID: TaxelGrid = TaxelGrid { rows: 3, cols: 3, pitch: 2.0 * MM, taxel_width: 1.8 * MM };
-
-    /// Presses of every taxel to five depths. The pressed taxel reads `gain(taxel)` · depth,
-    /// the others the share of it left by a blur of 1.36 pitches.
-    fn presses(gain: impl Fn(usize) -> f64, wire: impl Fn(usize) -> usize) -> Vec<Indentation> {
-        let mut presses = Vec::new();
-        for taxel in 0..9 {
-            let (x, y) = GRID.center(taxel / 3, taxel % 3);
-            let indenter = Indenter { diameter: 1.0 * MM };
-            let shape = indentation_image(&GRID, 1.36 * GRID.pitch, indenter, (x, y));
-            for depth in [0.2, 0.3, 0.4, 0.5, 0.6] {
-                let depth = depth * MM;
-                let read = |reads: usize| {
-                    let at = wire(reads);
-                    Some(gain(reads) * depth * shape[at] / shape[taxel])
-                };
-                let pressures = (0..9).map(read).collect();
-                presses.push(Indentation { taxel, depth, pressures });
-            }
-        }
-        presses
-    }
-
-    #[test]
-    fn gains_are_recovered_and_removed() {
-        // Gains 8, 9, 10, …, 16 MPa/m: the pooled slope is their mean, 12 MPa/m.
-        let gain = |taxel: usize| (8.0 + taxel as f64) * 1e6;
-        let fit = fit_response(&presses(gain, |taxel| taxel), &GRID, 20.0 * KPA).unwrap();
-        let calibration = &fit.calibration;
-        assert!((calibration.target().slope / 12e6 - 1.0).abs() < 1e-9);
-        for (taxel, response) in calibration.taxels().iter().enumerate() {
-            assert_eq!(response.state, TaxelState::Ok);
-            assert!((response.line.slope / gain(taxel) - 1.0).abs() < 1e-9);
-            assert!((response.r_squared - 1.0).abs() < 1e-9);
-        }
-        assert!(fit.before.residual > 500.0, "{:?}", fit.before);
-        assert!(fit.after.residual < 1e-6 && (fit.after.r_squared - 1.0).abs() < 1e-9);
-    }
-
-    #[test]
-    fn dead_and_cross_wired_taxels_are_distinguished_under_blur() {
-        let gain = |taxel: usize| if taxel == 2 { 1e4 } else { 1e7 };
-        let wire = |taxel: usize| if taxel == 7 { 4 } else { taxel };
-        let fit = fit_response(&presses(gain, wire), &GRID, 20.0 * KPA).unwrap();
-        let states: Vec<TaxelState> =
-            fit.calibration.taxels().iter().map(|taxel| taxel.state).collect();
-        for (taxel, state) in states.into_iter().enumerate() {
-            let expected = match taxel {
-                2 => TaxelState::Dead,
-                7 => TaxelState::CrossWired { answers: 4 },
-                _ => TaxelState::Ok,
-            };
-            assert_eq!(state, expected, "taxel {taxel}");
-        }
-        assert!((fit.calibration.target().slope / 1e7 - 1.0).abs() < 1e-9, "left out of the fit");
-    }
-
-    #[test]
-    fn saturated_values_are_left_out() {
-        // 20 MPa/m reach 10 kPa at 0.5 mm: the values of 0.5 and 0.6 mm are clipped there.
-        let mut presses = presses(|_| 2e7, |taxel| taxel);
-        for press in &mut presses {
-            press.pressures.iter_mut().flatten().for_each(|p| *p = p.min(10.0 * KPA));
-        }
-        let fit = fit_response(&presses, &GRID, 10.0 * KPA).unwrap();
-        assert!((fit.calibration.target().slope / 2e7 - 1.0).abs() < 1e-9);
-    }
-
-    #[test]
-    fn missing_presses_are_refused_by_taxel() {
-        let all = presses(|_| 1e7, |taxel| taxel);
-        let without: Vec<_> = all.iter().filter(|press| press.taxel != 5).cloned().collect();
-        let fit = |presses: &[Indentation]| fit_response(presses, &GRID, 20.0 * KPA).unwrap_err();
-        assert_eq!(fit(&without), ResponseError::Depths { row: 1, col: 2 });
-        let mut wrong = all.clone();
-        wrong[3].depth = f64::NAN;
-        assert!(matches!(fit(&wrong), ResponseError::Depth { press: 3, .. }));
-        wrong[2].pressures.pop();
-        let shape = ResponseError::Shape { press: 2, found: 8, expected: 9 };
-        assert_eq!(fit(&wrong), shape);
-        wrong[1].taxel = 9;
-        assert_eq!(fit(&wrong), ResponseError::Taxel { press: 1, taxel: 9, n_taxels: 9 });
-        let numb = presses(|_| 0.0, |taxel| taxel);
-        assert_eq!(fit(&numb), ResponseError::Silent { usable: 0, n_taxels: 9 });
-    }
-}
+mod tests;

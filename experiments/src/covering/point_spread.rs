@@ -2,7 +2,7 @@
 
 use palpate_core::sensor::line::Line as Fit;
 use palpate_core::sensor::point_spread::{ELEMENT_WIDTH, point_spread_of_covering};
-use palpate_core::sensor::response::fit_response;
+use palpate_core::sensor::response::{ResponseForm, fit_response};
 use palpate_core::sensor::spread_fit::{SpreadFit, SpreadPress, fit_spread};
 use palpate_core::sensor::{Calibration, SensorDescription, SensorParameters, TaxelState};
 use palpate_sim::elastic::PointResponse;
@@ -96,7 +96,7 @@ fn indent(source: &str, thickness: f64, slab: &PointResponse, seed: u64) -> Run 
 
 fn calibration((sensor, run): &Run) -> anyhow::Result<Calibration> {
     let saturation = sensor.parameters().saturation;
-    Ok(fit_response(&run.response, sensor.grid(), saturation)?.calibration)
+    Ok(fit_response(&run.response, sensor.grid(), saturation, ResponseForm::Lines)?.calibration)
 }
 
 /// Number of a run's two faulty taxels that the calibration identifies correctly.
@@ -120,8 +120,7 @@ fn fits((sensor, run): &Run, calibration: &Calibration) -> anyhow::Result<Vec<(f
                 let mut pressures: Vec<Option<f64>> =
                     press.pressures.iter().copied().map(Some).collect();
                 calibration.correct(&mut pressures);
-                let offset = calibration.target().offset;
-                pressures.iter_mut().flatten().for_each(|pressure| *pressure -= offset);
+                pressures.iter_mut().flatten().for_each(|p| *p = calibration.straightened(*p));
                 SpreadPress { at: press.at, pressures }
             })
             .collect();

@@ -1,7 +1,7 @@
 //! Figure 2.2: responses of the elements against depth, before and after the calibration.
 
 use palpate_core::sensor::point_spread::point_spread_of_covering;
-use palpate_core::sensor::response::{Indentation, fit_response};
+use palpate_core::sensor::response::{Indentation, ResponseForm, fit_response};
 use palpate_core::sensor::{Calibration, SensorDescription};
 use palpate_core::units::{KPA, MM};
 use palpate_sim::indent::indentation_run;
@@ -15,7 +15,8 @@ pub(super) fn figure_2_2(seed: u64) -> anyhow::Result<String> {
     let sensor = sensor_under(COVERINGS[0], point_spread_of_covering(COVERINGS[0]));
     let presses = indentation_run(&sensor, seed).response;
     let saturation = sensor.parameters().saturation;
-    let calibration = fit_response(&presses, sensor.grid(), saturation)?.calibration;
+    let calibration =
+        fit_response(&presses, sensor.grid(), saturation, ResponseForm::Lines)?.calibration;
     let as_measured = |_: usize, pressure: f64| pressure;
     let corrected = |taxel: usize, pressure: f64| calibration.corrected(taxel, pressure);
     Ok(svg(&[

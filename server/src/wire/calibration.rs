@@ -3,7 +3,8 @@
 use palpate_core::reading::{ReadingError, checked};
 use palpate_core::sensor::line::{Goodness, Line};
 use palpate_core::sensor::point_spread::point_spread_of_covering;
-use palpate_core::sensor::response::{Indentation, ResponseError, fit_response};
+use palpate_core::sensor::response::{Indentation, ResponseError, ResponseForm, fit_response};
+use palpate_core::sensor::response_curve::ResponseCurve;
 use palpate_core::sensor::spread_fit::{Indenter, SpreadError, SpreadPress, fit_spread};
 use palpate_core::sensor::{Calibration, SensorDescription, TaxelState};
 use palpate_core::units::{MM, Shown};
@@ -44,7 +45,12 @@ pub(crate) fn fitted(
     }
     let presses = indentations(&request.response, description)?;
     let saturation = description.parameters().saturation;
-    let fit = fit_response(&presses, description.grid(), saturation).map_err(refuse_response)?;
+    let form = match request.form.unwrap_or_default() {
+        wire::ResponseForm::Lines => ResponseForm::Lines,
+        wire::ResponseForm::Curves => ResponseForm::Curves,
+    };
+    let fit =
+        fit_response(&presses, description.grid(), saturation, form).map_err(refuse_response)?;
     let spread = match &request.spread {
         Some(spread) => Some(fitted_spread(spread, description, &fit.calibration)?),
         None => None,
@@ -71,7 +77,7 @@ fn indentations(
         super::within(&format!("{at}/row"), u64::from(press.row), 0, below(grid.rows))?;
         super::within(&format!("{at}/col"), u64::from(press.col), 0, below(grid.cols))?;
         let taxel = press.row as usize * grid.cols + press.col as usize;
-        let depth = length(&format!("{at}/depth"), press.depth, f64::MIN_POSITIVE)?;
+        let depth = length(&format!("{at}/depth"), press.depth, 0.0)?;
         let pressures = image(&at, &press.pressures, description)?;
         Ok(Indentation { taxel, depth, pressures })
     };
@@ -94,8 +100,8 @@ fn fitted_spread(
         let y = length(&format!("{at}/y"), press.y, -LENGTH_MAX)?;
         let mut pressures = image(&at, &press.pressures, description)?;
         calibration.correct(&mut pressures);
-        // The offset at zero depth is not part of the shape.
-        pressures.iter_mut().flatten().for_each(|p| *p -= calibration.target().offset);
+        // The pressure at rest is not part of the shape, and neither is what is not straight.
+        pressures.iter_mut().flatten().for_each(|p| *p = calibration.straightened(*p));
         Ok(SpreadPress { at: (x, y), pressures })
     };
     let presses: Result<Vec<SpreadPress>, Invalid> =
@@ -152,9 +158,10 @@ fn refuse_response(error: ResponseError) -> Invalid {
         ResponseError::Taxel { press, .. } => format!("/response/{press}/row"),
         ResponseError::Depth { press, .. } => format!("/response/{press}/depth"),
         ResponseError::Shape { press, .. } => format!("/response/{press}/pressures"),
-        ResponseError::Depths { .. } | ResponseError::Silent { .. } | ResponseError::Fit(_) => {
-            "/response".to_owned()
-        }
+        ResponseError::Depths { .. }
+        | ResponseError::Curve { .. }
+        | ResponseError::Silent { .. }
+        | ResponseError::Fit(_) => "/response".to_owned(),
     };
     Invalid::field(at, error)
 }
@@ -166,6 +173,7 @@ pub(crate) fn calibration(
 ) -> Option<wire::SensorCalibration> {
     let lines = stored.lines.as_ref()?;
     let cols = description.grid().cols;
+    let curves = lines.calibration.curves();
     let place =
         |taxel: usize| wire::TaxelPlace { row: count(taxel / cols), col: count(taxel % cols) };
     let taxels = lines.calibration.taxels().iter().enumerate().map(|(taxel, response)| {
@@ -179,16 +187,25 @@ pub(crate) fn calibration(
         let wire::TaxelPlace { row, col } = place(taxel);
         let Line { slope, offset } = response.line;
         let r_squared = response.r_squared;
-        wire::TaxelCalibration { row, col, slope, offset, r_squared, state, answers }
+        let curve = curves.and_then(|curves| curves.taxels[taxel].as_ref()).map(knots);
+        wire::TaxelCalibration { row, col, slope, offset, r_squared, curve, state, answers }
     });
     let taxels: Vec<wire::TaxelCalibration> = taxels.collect();
     let Line { slope, offset } = lines.calibration.target();
     let n_unusable = taxels.iter().filter(|taxel| taxel.state != wire::TaxelState::Ok).count();
+    let described = &description.parameters().force_curve;
+    let force_curve = curves.and_then(|curves| curves.target.force_curve(described));
     Some(wire::SensorCalibration {
         sensor: stored.sensor,
         number: stored.number,
         passport: stored.passport.as_ref().map(|passport| passport.since),
+        form: match curves {
+            Some(_) => wire::ResponseForm::Curves,
+            None => wire::ResponseForm::Lines,
+        },
         target: wire::ResponseLine { slope, offset },
+        curve: curves.map(|curves| knots(&curves.target)),
+        force_curve: force_curve.as_ref().map(super::sensor::force_curve),
         before: goodness(lines.before),
         after: goodness(lines.after),
         n_presses: lines.n_presses,
@@ -197,6 +214,11 @@ pub(crate) fn calibration(
         spread: lines.spread.as_ref().map(|spread| self::spread(spread, description)),
         created_at: time(lines.created_at_ms),
     })
+}
+
+fn knots(curve: &ResponseCurve) -> Vec<wire::ResponseKnot> {
+    let knot = |&(depth, pressure): &(f64, f64)| wire::ResponseKnot { depth, pressure };
+    curve.knots().iter().map(knot).collect()
 }
 
 fn goodness(Goodness { r_squared, residual }: Goodness) -> wire::ResponseGoodness {

@@ -73,11 +73,16 @@ pub(crate) fn new_sensor(
     Ok(Sensor { id, name, preset, description, knowledge, ranges, labels, used, created_at_ms })
 }
 
+/// The knots of a force curve in their wire form.
+pub(crate) fn force_curve(curve: &ForceCurve) -> Vec<wire::ForceKnot> {
+    let knot = |&(displacement, pressure): &(f64, f64)| wire::ForceKnot { displacement, pressure };
+    curve.knots().iter().map(knot).collect()
+}
+
 fn description(sensor: &Sensor) -> wire::SensorDescription {
     let description = &sensor.description;
     let parameters = description.parameters();
     let grid = &parameters.grid;
-    let knot = |&(displacement, pressure): &(f64, f64)| wire::ForceKnot { displacement, pressure };
     wire::SensorDescription {
         grid: wire::TaxelGrid {
             rows: grid.rows as u32,
@@ -88,7 +93,7 @@ fn description(sensor: &Sensor) -> wire::SensorDescription {
         taxels: layout::taxels(description),
         covering_thickness: parameters.covering_thickness,
         point_spread: parameters.point_spread,
-        force_curve: parameters.force_curve.knots().iter().map(knot).collect(),
+        force_curve: force_curve(&parameters.force_curve),
         saturation: parameters.saturation,
         noise: parameters.noise,
         quantisation: parameters.quantisation,

@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 use palpate_core::pose::Pose;
-use palpate_core::sensor::SensorDescription;
+use palpate_core::sensor::{ForceCurve, SensorDescription};
 use palpate_sim::indent::{IndentationRun, indentation_run};
 use serde_json::{Value, json};
 
@@ -134,6 +134,49 @@ async fn a_calibration_applies_to_later_readings_only() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn curves_fit_a_stiffening_sensor_and_show_its_force_curve() {
+    let it = Harness::start().await;
+    let mut parameters = SensorDescription::digitacts_6x6().parameters().clone();
+    // Half as stiff up to a tenth of the range as beyond it.
+    let saturation = parameters.saturation;
+    let knots = vec![(0.0, 0.0), (1e-3, 0.1 * saturation), (5.5e-3, saturation)];
+    parameters.force_curve = ForceCurve::new(knots.clone()).unwrap();
+    let stiff = SensorDescription::new(parameters).unwrap();
+    let digitacts = it.get("/v1/sensors/digitacts-6x6").await.expect(200);
+    let knot = |(displacement, pressure): &(f64, f64)| json!({"displacement": displacement, "pressure": pressure});
+    let mut description = digitacts["description"].clone();
+    description["force_curve"] = knots.iter().map(knot).collect();
+    let sensor = json!({"name": "stiff", "description": description});
+    it.post("/v1/sensors", &sensor).await.expect(201);
+    let path = "/v1/sensors/stiff/calibration";
+    let mut body = indentations(&indentation_run(&stiff, 4));
+    let lines = it.post(path, &body).await.expect(201);
+    assert_eq!((&lines["form"], &lines["curve"]), (&json!("lines"), &Value::Null));
+    assert_eq!(lines["force_curve"], Value::Null);
+    body["form"] = json!("curves");
+    let curves = it.post(path, &body).await.expect(201);
+    assert_eq!(curves["form"], "curves");
+    assert!(curves["after"]["residual"].as_f64() < curves["before"]["residual"].as_f64());
+    assert_eq!(curves["curve"].as_array().unwrap().len(), 5, "one knot a depth");
+    let unused = |taxel: &&Value| taxel["curve"].is_null();
+    let n_unused = curves["taxels"].as_array().unwrap().iter().filter(unused).count();
+    assert_eq!(json!(n_unused), curves["n_unusable"]);
+    // The force curve stiffens as the sensor does, by a factor of 2.
+    let found = curves["force_curve"].as_array().unwrap();
+    let slope = |pair: &[Value]| {
+        let of = |knot: &Value, key: &str| knot[key].as_f64().unwrap();
+        (of(&pair[1], "pressure") - of(&pair[0], "pressure"))
+            / (of(&pair[1], "displacement") - of(&pair[0], "displacement"))
+    };
+    let slopes: Vec<f64> = found.windows(2).map(slope).collect();
+    let ratio = slopes.last().unwrap() / slopes[1];
+    assert!((1.6..2.4).contains(&ratio), "{slopes:?}");
+    assert_eq!(it.get(path).await.expect(200), curves, "read back from the store");
+    body["form"] = json!("splines");
+    it.post(path, &body).await.problem(422, "invalid-value", Some("/form"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn invalid_indentations_are_refused() {
     let it = Harness::start().await;
     finger(&it).await;
@@ -145,7 +188,7 @@ async fn invalid_indentations_are_refused() {
         it.post(path, &body).await.problem(422, "invalid-value", Some(pointer));
     };
     check("/response", json!([]), "/response").await;
-    check("/response/4/depth", json!(0.0), "/response/4/depth").await;
+    check("/response/4/depth", json!(-1e-4), "/response/4/depth").await;
     check("/response/4/depth", json!(0.4), "/response/4/depth").await;
     check("/response/4/row", json!(6), "/response/4/row").await;
     check("/response/4/pressures", json!([1.0]), "/response/4/pressures").await;

@@ -4,6 +4,7 @@ use bincode::{Decode, Encode};
 use palpate_core::convention::{PoseConvention, PoseDirection, PositionUnit, QuaternionOrder};
 use palpate_core::pose::Pose;
 use palpate_core::sensor::line::{Goodness, Line};
+use palpate_core::sensor::response_curve::{ResponseCurve, ResponseCurves};
 use palpate_core::sensor::spread_fit::SpreadFit;
 use palpate_core::sensor::{
     Calibration, CoveringEdge, Estimate, ImageOrder, Passport, TaxelResponse, TaxelState,
@@ -77,6 +78,24 @@ struct LinesV2 {
     created_at_ms: u64,
 }
 
+/// Schema 3: lines may have curves.
+#[derive(Encode, Decode)]
+struct CalibrationRecordV3 {
+    sensor: IdV1,
+    number: u32,
+    lines: Option<LinesV2>,
+    curves: Option<CurvesV3>,
+    passport: Option<PassportV2>,
+}
+
+/// Knots (depth, pressure) of the common curve and of the taxels' own; none for a taxel that is
+/// not used.
+#[derive(Encode, Decode)]
+struct CurvesV3 {
+    target: Vec<[f64; 2]>,
+    taxels: Vec<Vec<[f64; 2]>>,
+}
+
 #[derive(Encode, Decode)]
 struct PassportV2 {
     since: u32,
@@ -112,45 +131,60 @@ const EDGES: [CoveringEdge; 3] =
 
 impl Record for StoredCalibration {
     const KIND: Kind = Kind::Calibration;
-    const SCHEMA: u16 = 2;
+    const SCHEMA: u16 = 3;
 
     fn to_payload(&self) -> Vec<u8> {
-        write(&CalibrationRecordV2 {
+        let curves = self.lines.as_ref().and_then(|lines| lines.calibration.curves());
+        write(&CalibrationRecordV3 {
             sensor: self.sensor.into_bytes(),
             number: self.number,
             lines: self.lines.as_ref().map(LinesV2::of),
+            curves: curves.map(CurvesV3::of),
             passport: self.passport.as_ref().map(PassportV2::of),
         })
     }
 
     fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
-        let stored: CalibrationRecordV2 = read(payload)?;
+        let CalibrationRecordV3 { sensor, number, lines, curves, passport } = read(payload)?;
+        let curves = curves.map(CurvesV3::value).transpose()?;
         Ok(Self {
-            sensor: Uuid::from_bytes(stored.sensor),
-            number: stored.number,
-            lines: stored.lines.map(LinesV2::value).transpose()?,
-            passport: stored.passport.map(PassportV2::value).transpose()?,
+            sensor: Uuid::from_bytes(sensor),
+            number,
+            lines: lines.map(|lines| lines.value(curves)).transpose()?,
+            passport: passport.map(PassportV2::value).transpose()?,
         })
     }
 
     fn from_older(schema: u16, payload: &[u8]) -> Result<Self, RecordError> {
-        if schema != 1 {
-            return Err(RecordError::Schema { found: schema, known: Self::SCHEMA });
+        match schema {
+            1 => {
+                let CalibrationRecordV1 {
+                    sensor,
+                    number,
+                    target,
+                    goodness,
+                    n_presses,
+                    taxels,
+                    spread,
+                    created_at_ms,
+                } = read(payload)?;
+                let since = number;
+                let lines =
+                    LinesV2 { since, target, goodness, n_presses, taxels, spread, created_at_ms };
+                let (sensor, lines) = (Uuid::from_bytes(sensor), Some(lines.value(None)?));
+                Ok(Self { sensor, number, lines, passport: None })
+            }
+            2 => {
+                let CalibrationRecordV2 { sensor, number, lines, passport } = read(payload)?;
+                Ok(Self {
+                    sensor: Uuid::from_bytes(sensor),
+                    number,
+                    lines: lines.map(|lines| lines.value(None)).transpose()?,
+                    passport: passport.map(PassportV2::value).transpose()?,
+                })
+            }
+            _ => Err(RecordError::Schema { found: schema, known: Self::SCHEMA }),
         }
-        let CalibrationRecordV1 {
-            sensor,
-            number,
-            target,
-            goodness,
-            n_presses,
-            taxels,
-            spread,
-            created_at_ms,
-        } = read(payload)?;
-        let since = number;
-        let lines = LinesV2 { since, target, goodness, n_presses, taxels, spread, created_at_ms };
-        let (sensor, lines) = (Uuid::from_bytes(sensor), Some(lines.value()?));
-        Ok(Self { sensor, number, lines, passport: None })
     }
 }
 
@@ -169,19 +203,43 @@ impl LinesV2 {
         }
     }
 
-    fn value(self) -> Result<StoredLines, RecordError> {
+    fn value(self, curves: Option<ResponseCurves>) -> Result<StoredLines, RecordError> {
         let [slope, offset] = self.target;
         let taxels = self.taxels.into_iter().map(taxel_from_stored).collect();
+        let lines = Calibration::new(Line { slope, offset }, taxels)?;
         let [r_before, before, r_after, after] = self.goodness;
         Ok(StoredLines {
             since: self.since,
-            calibration: Calibration::new(Line { slope, offset }, taxels)?,
+            calibration: match curves {
+                Some(curves) => lines.with_curves(curves)?,
+                None => lines,
+            },
             before: Goodness { r_squared: r_before, residual: before },
             after: Goodness { r_squared: r_after, residual: after },
             n_presses: self.n_presses,
             spread: self.spread.map(spread_from_stored),
             created_at_ms: self.created_at_ms,
         })
+    }
+}
+
+impl CurvesV3 {
+    fn of(curves: &ResponseCurves) -> Self {
+        let knots = |curve: &ResponseCurve| curve.knots().iter().map(|&(d, p)| [d, p]).collect();
+        let own = |curve: &Option<ResponseCurve>| curve.as_ref().map(knots).unwrap_or_default();
+        Self { target: knots(&curves.target), taxels: curves.taxels.iter().map(own).collect() }
+    }
+
+    fn value(self) -> Result<ResponseCurves, RecordError> {
+        let curve = |knots: Vec<[f64; 2]>| {
+            ResponseCurve::new(knots.into_iter().map(|[d, p]| (d, p)).collect())
+        };
+        let own = |knots: Vec<[f64; 2]>| match knots.is_empty() {
+            true => Ok(None),
+            false => curve(knots).map(Some),
+        };
+        let taxels: Result<Vec<_>, _> = self.taxels.into_iter().map(own).collect();
+        Ok(ResponseCurves { target: curve(self.target)?, taxels: taxels? })
     }
 }
 

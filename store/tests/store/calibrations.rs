@@ -8,32 +8,41 @@ use uuid::Uuid;
 use crate::bytes::{current_of, is_calibration, thawed};
 use crate::samples::{self, wait};
 
-/// One sensor's lines, and another one's passport.
-const GOLDEN_CALIBRATIONS: &str = include_str!("golden/calibrations_v2.txt");
+/// One sensor's lines, and another one's passport, of schema 2.
+const GOLDEN_V2: &str = include_str!("golden/calibrations_v2.txt");
+/// The same, and a third sensor's curves.
+const GOLDEN: &str = include_str!("golden/calibrations_v3.txt");
 
 #[test]
 fn written_bytes_of_calibrations_equal_the_frozen_bytes() {
-    let [lined, commissioned] = [10, 11].map(Uuid::from_u128);
+    let [lined, commissioned, bent] = [10, 11, 12].map(Uuid::from_u128);
     let current = current_of(&[], async |database| {
         let lines = Addition::Lines(samples::taxel_lines());
         database.calibrations().add(lined, &lines).await.unwrap();
         let passport = Addition::Passport(samples::passport());
         database.calibrations().add(commissioned, &passport).await.unwrap();
+        let curves = Addition::Lines(samples::taxel_curves());
+        database.calibrations().add(bent, &curves).await.unwrap();
     });
     let found: Vec<&str> = current.lines().filter(|line| is_calibration(line)).collect();
-    assert_eq!(found, GOLDEN_CALIBRATIONS.lines().collect::<Vec<_>>(), "{found:#?}");
+    assert_eq!(found, GOLDEN.lines().collect::<Vec<_>>(), "{found:#?}");
 }
 
 #[test]
 fn frozen_bytes_of_calibrations_are_read() {
-    let calibrations = thawed(GOLDEN_CALIBRATIONS).calibrations();
-    let [lined, commissioned] = [10, 11].map(Uuid::from_u128);
-    let lines = Some(samples::taxel_lines());
-    let first = StoredCalibration { sensor: lined, number: 1, lines, passport: None };
-    assert_eq!(calibrations.latest(lined).unwrap(), Some(first));
-    let passport = Some(samples::passport());
-    let second = StoredCalibration { sensor: commissioned, number: 1, lines: None, passport };
-    assert_eq!(calibrations.latest(commissioned).unwrap(), Some(second));
+    let [lined, commissioned, bent] = [10, 11, 12].map(Uuid::from_u128);
+    for (golden, has_curves) in [(GOLDEN_V2, false), (GOLDEN, true)] {
+        let calibrations = thawed(golden).calibrations();
+        let lines = Some(samples::taxel_lines());
+        let first = StoredCalibration { sensor: lined, number: 1, lines, passport: None };
+        assert_eq!(calibrations.latest(lined).unwrap(), Some(first));
+        let passport = Some(samples::passport());
+        let second = StoredCalibration { sensor: commissioned, number: 1, lines: None, passport };
+        assert_eq!(calibrations.latest(commissioned).unwrap(), Some(second));
+        let lines = Some(samples::taxel_curves());
+        let third = StoredCalibration { sensor: bent, number: 1, lines, passport: None };
+        assert_eq!(calibrations.latest(bent).unwrap(), has_curves.then_some(third));
+    }
 }
 
 #[test]

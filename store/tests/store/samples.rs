@@ -9,6 +9,7 @@ use palpate_core::pose::Pose;
 use palpate_core::reading::Looseness;
 use palpate_core::reading::point_contact::ContactNumbers;
 use palpate_core::sensor::line::{Goodness, Line};
+use palpate_core::sensor::response_curve::{ResponseCurve, ResponseCurves};
 use palpate_core::sensor::spread_fit::SpreadFit;
 use palpate_core::sensor::{
     Calibration, Coupling, CoveringEdge, Estimate, ImageOrder, Layout, Passport, SensorDescription,
@@ -193,6 +194,18 @@ pub(crate) fn taxel_lines() -> StoredLines {
         }),
         created_at_ms: 1_700_000_000_012,
     }
+}
+
+/// The same with curves: the second and the third taxel are not used and have none.
+pub(crate) fn taxel_curves() -> StoredLines {
+    let curve = |gain: f64| {
+        let knots = [(0.2e-3, 1e3), (0.4e-3, 2.5e3), (0.6e-3, 5e3)];
+        ResponseCurve::new(knots.map(|(depth, p)| (depth, gain * p)).to_vec()).unwrap()
+    };
+    let taxels = vec![Some(curve(1.1)), None, None, Some(curve(0.9))];
+    let lines = taxel_lines();
+    let curves = ResponseCurves { target: curve(1.0), taxels };
+    StoredLines { calibration: lines.calibration.with_curves(curves).unwrap(), ..lines }
 }
 
 /// A passport, as the first calibration brings it.
