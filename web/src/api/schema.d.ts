@@ -2146,6 +2146,7 @@ export interface components {
         };
         /** @description Indentations to calibrate a sensor with. */
         CalibrateSensor: {
+            form?: components["schemas"]["ResponseForm"] | null;
             /** @description Presses at the centre of every taxel, each to at least two depths, better five. */
             response: components["schemas"]["ResponsePress"][];
             spread?: components["schemas"]["SpreadPresses"] | null;
@@ -4479,7 +4480,12 @@ export interface components {
              */
             unknown: number;
         };
-        /** @description Quality of a linear fit. */
+        /**
+         * @description Form of the responses of taxels.
+         * @enum {string}
+         */
+        ResponseForm: "lines" | "curves";
+        /** @description Quality of a fit. */
         ResponseGoodness: {
             /**
              * Format: double
@@ -4491,6 +4497,19 @@ export interface components {
              * @description Root mean square residual, in pascal.
              */
             residual: number;
+        };
+        /** @description A knot of a response curve. */
+        ResponseKnot: {
+            /**
+             * Format: double
+             * @description Depth of indentation in metres.
+             */
+            depth: number;
+            /**
+             * Format: double
+             * @description Pressure in pascal.
+             */
+            pressure: number;
         };
         /** @description Linear response: pressure over depth of indentation. */
         ResponseLine: {
@@ -4515,7 +4534,7 @@ export interface components {
             col: number;
             /**
              * Format: double
-             * @description Displacement of the covering's surface, in metres.
+             * @description Displacement of the covering's surface, in metres; 0 for a reading at rest.
              * @example 0.0004
              */
             depth: number;
@@ -4633,15 +4652,32 @@ export interface components {
         };
         /** @description A calibration of a sensor. It applies to readings received after it. */
         SensorCalibration: {
-            /** @description Fit of the corrected responses to the target line. */
+            /**
+             * @description Fit of the corrected responses to the target; with curves, each press is corrected by curves
+             *     that do not know its depth.
+             */
             after: components["schemas"]["ResponseGoodness"];
-            /** @description Fit of the measured responses to the target line. */
+            /** @description Fit of the measured responses to the target. */
             before: components["schemas"]["ResponseGoodness"];
             /**
              * Format: date-time
              * @description When the calibration was created.
              */
             created_at: string;
+            /**
+             * @description The response curve to which every usable taxel is corrected, by depth; null with lines. It
+             *     is straight between its knots and goes on straight beyond them.
+             */
+            curve?: components["schemas"]["ResponseKnot"][] | null;
+            /**
+             * @description The force curve for the description of a sensor with this response: the pressures of `curve`
+             *     above that at rest. A small indenter shows its shape alone, so displacements are scaled such
+             *     that it meets the described curve at the deepest knot. Null with lines, and if the responses
+             *     give no force curve.
+             */
+            force_curve?: components["schemas"]["ForceKnot"][] | null;
+            /** @description Form of the responses. */
+            form: components["schemas"]["ResponseForm"];
             /**
              * Format: int32
              * @description Number of presses in the fit.
@@ -4668,7 +4704,10 @@ export interface components {
              */
             sensor: string;
             spread?: components["schemas"]["SpreadCalibration"] | null;
-            /** @description The response line to which every usable taxel is corrected. */
+            /**
+             * @description The response line to which every usable taxel is corrected; with curves the line through the
+             *     same points, which is not used.
+             */
             target: components["schemas"]["ResponseLine"];
             /** @description Every taxel, row by row in the sensor's frame. */
             taxels: components["schemas"]["TaxelCalibration"][];
@@ -5621,6 +5660,8 @@ export interface components {
              * @description Column of the taxel, from 0.
              */
             col: number;
+            /** @description Its response curve, by depth; null with lines, and if it is not usable. */
+            curve?: components["schemas"]["ResponseKnot"][] | null;
             /**
              * Format: double
              * @description Pressure without indentation, in pascal.
