@@ -270,6 +270,34 @@ impl<'a> Sessions<'a> {
         Ok(Played { steps, cpu_ms })
     }
 
+    /// Processor time of a reading, answer included, of `n` sessions whose readings come in turn on
+    /// one thread, milliseconds; `None` if the system does not report it.
+    ///
+    /// # Errors
+    /// When the sensor does not fit what was trained.
+    pub fn play_in_turn(
+        &self,
+        recogniser: &Recogniser,
+        n_objects: usize,
+        n: usize,
+    ) -> anyhow::Result<Option<f64>> {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+        let readings: Vec<Vec<Presented>> =
+            (0..n).map(|done| self.presented(done % n_objects, done / n_objects)).collect();
+        pool.install(|| {
+            let mut beliefs: Vec<Belief> =
+                (0..n).map(|_| recogniser.begin()).collect::<anyhow::Result<_>>()?;
+            let begun = thread_seconds();
+            for turn in 0..self.readings {
+                for (belief, readings) in beliefs.iter_mut().zip(&readings) {
+                    belief.add(&readings[turn], self.sensor)?;
+                }
+            }
+            let seconds = thread_seconds().zip(begun).map(|(end, begun)| end - begun);
+            Ok(seconds.map(|seconds| seconds * 1e3 / (n * self.readings) as f64))
+        })
+    }
+
     /// Probabilities after each touch of a trial: one per object, then that of
     /// none of these.
     ///

@@ -67,8 +67,11 @@ pub(super) async fn report(
     let batched = Setting { batch: super::BATCH, ..single(BeliefDetail::Full) };
     state("batch_32", cost(server.address(), batched).await?);
     progress("processor time", 5, 6);
-    let recogniser = state("recogniser", recogniser(config, readings, progress)?);
+    let (alone, in_turn) = recogniser(config, readings, progress)?;
+    let recogniser = state("recogniser", alone);
+    state("recogniser_in_turn", in_turn);
     report.summarise("cpu_ratio", full / (echoed + recogniser));
+    report.summarise("cpu_ratio_in_turn", full / (echoed + in_turn));
     Ok(())
 }
 
@@ -108,12 +111,13 @@ async fn cost(
     tokio::task::spawn_blocking(robots).await?
 }
 
-/// Time per reading of the recogniser with the same objects, milliseconds.
+/// Time per reading of the recogniser with the same objects, milliseconds: of one session after the
+/// other, and of as many in turn as there are robots.
 fn recogniser(
     config: &ServerThroughput,
     readings: &[Vec<Reading>],
     progress: Progress<'_>,
-) -> anyhow::Result<f64> {
+) -> anyhow::Result<(f64, f64)> {
     let sensor = SensorDescription::digitacts_6x6();
     let objects = objects::generated(&shapes::NAMES, shapes::LARGEST_DIMENSION)?;
     let n = config.train_readings as usize;
@@ -126,5 +130,7 @@ fn recogniser(
     let recogniser = Recogniser::Surface { model, options: SurfaceOptions::default() };
     let n_sessions = (config.readings / READINGS_PER_SESSION).max(objects.len());
     let played = sessions.play(&recogniser, objects.len(), n_sessions, progress)?;
-    played.cpu_ms.context("a thread has a time")
+    let alone = played.cpu_ms.context("a thread has a time")?;
+    let in_turn = sessions.play_in_turn(&recogniser, objects.len(), ROBOTS)?;
+    Ok((alone, in_turn.context("a thread has a time")?))
 }
