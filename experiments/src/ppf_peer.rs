@@ -304,8 +304,9 @@ mod tests {
     use super::*;
     use crate::arguments::defaults;
 
-    /// A small run against a "peer" that is a shell script of this text.
-    fn small(name: &str, script: &str) -> anyhow::Result<Outcome> {
+    /// A small run against a "peer" that is a shell script of this text, trained with so many
+    /// readings an object.
+    fn small(name: &str, script: &str, train_readings: usize) -> anyhow::Result<Outcome> {
         let path = std::env::temp_dir().join(format!("palpate-{name}-{}.sh", std::process::id()));
         std::fs::write(&path, script).unwrap();
         let config = PpfPeer {
@@ -313,7 +314,7 @@ mod tests {
             script: path.clone(),
             seed: 101,
             trials: 1,
-            touches: TouchSet { train_readings: 150, test_readings: 10, ..defaults() },
+            touches: TouchSet { train_readings, test_readings: 10, ..defaults() },
             counts: vec![3, 6],
             ..defaults()
         };
@@ -330,7 +331,7 @@ mod tests {
             && test $(head -1 $1/scenes.csv | tr ',' '\\n' | wc -l) = 8 || exit 1\n\
             for object in 0 1 2 3 4 5 6 7 8 9; do for n in $2 $3; do \
             echo $object,0,$n,0,20,0,0,0,0,0,0,1; done; done > $1/named.csv";
-        let outcome = small("ppf-names", script).unwrap();
+        let outcome = small("ppf-names", script, 150).unwrap();
         let summary = &outcome.report.summary;
         assert!((summary["ppf_match_3d_accuracy_at_6"] - 0.1).abs() < 1e-12, "{summary:?}");
         assert!((summary["ppf_match_3d_ms_at_3"] - 20.0).abs() < 1e-12);
@@ -342,11 +343,11 @@ mod tests {
 
     #[test]
     fn a_peer_without_its_module_is_left_out() {
-        let outcome = small("ppf-missing", "exit 3").unwrap();
+        let outcome = small("ppf-missing", "exit 3", 60).unwrap();
         let rows = &outcome.report.rows;
         assert!(rows.iter().any(|row| row.get("left_out").is_some()), "{rows:?}");
         assert!(!outcome.report.summary.contains_key("ppf_match_3d_accuracy_at_6"));
-        let error = small("ppf-fails", "exit 1").err().unwrap().to_string();
+        let error = small("ppf-fails", "exit 1", 60).err().unwrap().to_string();
         assert!(error.contains("ended with exit status: 1"), "{error}");
     }
 }
