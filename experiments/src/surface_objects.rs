@@ -18,10 +18,10 @@ use palpate_recogniser::train::SurfaceConfig;
 use palpate_sim::plot::{Line, Panel, svg};
 use serde::Serialize;
 
-use crate::arguments::{ObjectSet, TouchSet, count};
+use crate::arguments::{ObjectSet, TouchSet, count, millimetres};
 use crate::object_sessions::{Recogniser, Sessions, train_surface, train_sva};
 use crate::objects::{self, TestObject};
-use crate::played::{Played, PoseError, report_wrong};
+use crate::played::{Played, PoseError, Step, report_wrong};
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::{mean, median};
 
@@ -35,6 +35,11 @@ pub struct SurfaceObjects {
     #[command(flatten)]
     #[serde(flatten)]
     pub objects: ObjectSet,
+    /// Every object in each of these sizes (largest dimension in millimetres), all in one catalogue,
+    /// instead of one size.
+    #[arg(long, value_delimiter = ',', conflicts_with = "size_mm", value_parser = millimetres)]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub sizes_mm: Vec<f64>,
     /// Seed of everything random.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -42,7 +47,7 @@ pub struct SurfaceObjects {
     #[arg(long, default_value_t = 50, value_parser = count)]
     pub trials: usize,
     /// Trials per object of the printed method, which is slow.
-    #[arg(long, default_value_t = 10, value_parser = count)]
+    #[arg(long, default_value_t = 10)]
     pub literal_trials: usize,
     /// The readings of each object.
     #[command(flatten)]
@@ -70,7 +75,7 @@ struct Tested {
 /// When objects cannot be loaded or touched, or training fails.
 pub fn run(config: &SurfaceObjects, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     let mut report = Report::default();
-    let objects = config.objects.load()?;
+    let objects = objects_of_sizes(config)?;
     let touch = |n, seed| objects::touch_all(&objects, &config.touches.sensor, n, seed, progress);
     let train = touch(config.touches.train_readings, 2 * config.seed)?;
     let test = touch(config.touches.test_readings, 2 * config.seed + 1)?;
@@ -98,6 +103,9 @@ pub fn run(config: &SurfaceObjects, progress: Progress<'_>) -> anyhow::Result<Ou
     for (name, prefix, (training, options, trials)) in
         [("sva", "sva_", default), ("literal", "literal_", literal)]
     {
+        if trials == 0 {
+            continue;
+        }
         let started = Instant::now();
         let sva = train_sva(&train, &config.touches.sensor, &training, options, config.seed)?;
         tested.push(play(name, prefix, &sva, trials, started.elapsed().as_secs_f64())?);
@@ -108,8 +116,43 @@ pub fn run(config: &SurfaceObjects, progress: Progress<'_>) -> anyhow::Result<Ou
         let steps = late.flat_map(|readings| method.played.after(readings));
         report_wrong(&mut report, &[("method", method.name)], &objects, steps);
     }
+    report_sizes(&mut report, config, &tested[0]);
     report_objects(&mut report, config, &objects, &symmetries, &tested[0]);
     Ok(Outcome { report, plot: plot(config, &tested), pictures: Vec::new() })
+}
+
+/// The objects, size after size if there are several.
+fn objects_of_sizes(config: &SurfaceObjects) -> anyhow::Result<Vec<TestObject>> {
+    if config.sizes_mm.is_empty() {
+        return config.objects.load();
+    }
+    let mut all = Vec::new();
+    for &size_mm in &config.sizes_mm {
+        let objects = ObjectSet { size_mm, ..config.objects.clone() }.load()?;
+        all.extend(objects.into_iter().map(|object| {
+            let name = format!("{} {size_mm} mm", object.name);
+            TestObject { name, ..object }
+        }));
+    }
+    Ok(all)
+}
+
+/// States the accuracy and the errors of poses of each size.
+fn report_sizes(report: &mut Report, config: &SurfaceObjects, method: &Tested) {
+    let n_sizes = config.sizes_mm.len();
+    let Some(largest) = method.played.steps.iter().map(|step| step.object).max() else { return };
+    for (index, size_mm) in config.sizes_mm.iter().enumerate() {
+        let is_of_size = |step: &&Step| step.object * n_sizes / (largest + 1) == index;
+        for readings in STATED_AT.into_iter().filter(|n| *n <= config.readings) {
+            let steps: Vec<&Step> = method.played.after(readings).filter(is_of_size).collect();
+            let right: Vec<f64> = steps.iter().map(|step| f64::from(step.is_right())).collect();
+            report.summarise(&format!("accuracy_{size_mm}_mm_at_{readings}"), mean(&right));
+            let errors: Vec<f64> =
+                steps.iter().filter_map(|step| Some(step.error?.translation / MM)).collect();
+            let key = format!("position_error_mm_median_{size_mm}_mm_at_{readings}");
+            report.summarise(&key, median(&errors));
+        }
+    }
 }
 
 fn report_method(report: &mut Report, config: &SurfaceObjects, method: &Tested) {
@@ -203,19 +246,56 @@ fn plot(config: &SurfaceObjects, tested: &[Tested]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::path::PathBuf;
+
     use palpate_sim::shapes;
 
     use super::*;
     use crate::arguments::defaults;
 
-    #[test]
-    fn a_small_run_on_a_folder_of_meshes_reports_every_key() {
-        let folder = std::env::temp_dir().join(format!("palpate-surface-{}", std::process::id()));
+    /// A folder with meshes of these names.
+    fn folder(of: &str, names: &[&str]) -> PathBuf {
+        let folder = std::env::temp_dir().join(format!("palpate-{of}-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
-        for name in ["hammer", "mug", "gear"] {
+        for name in names {
             let mesh = shapes::example(name).unwrap();
             std::fs::write(folder.join(format!("{name}.stl")), mesh.to_stl_bytes()).unwrap();
         }
+        folder
+    }
+
+    #[test]
+    fn objects_of_several_sizes_share_a_catalogue() {
+        let folder = folder("sizes", &["hammer", "mug"]);
+        let config = SurfaceObjects {
+            objects: ObjectSet { meshes: Some(folder.clone()), ..defaults() },
+            sizes_mm: vec![60.0, 120.0],
+            seed: 101,
+            trials: 2,
+            literal_trials: 0,
+            readings: 6,
+            touches: TouchSet { train_readings: 200, test_readings: 20, ..defaults() },
+        };
+        let outcome = run(&config, &|_, _, _| ()).unwrap();
+        std::fs::remove_dir_all(&folder).unwrap();
+        let summary = &outcome.report.summary;
+        let of_size = ["60", "120"].map(|size| summary[&format!("accuracy_{size}_mm_at_6")]);
+        let mean = (of_size[0] + of_size[1]) / 2.0;
+        assert!((mean - summary["accuracy_at_6"]).abs() < 1e-12 && mean > 0.7, "{summary:?}");
+        assert!(!summary.keys().any(|key| key.starts_with("literal_")), "{summary:?}");
+        let has_row = |name: &str| {
+            outcome
+                .report
+                .rows
+                .iter()
+                .any(|row| row.get("object").is_some_and(|object| object == name))
+        };
+        assert!(has_row("mug 60 mm") && has_row("hammer 120 mm"));
+    }
+
+    #[test]
+    fn a_small_run_on_a_folder_of_meshes_reports_every_key() {
+        let folder = folder("one-size", &["hammer", "mug", "gear"]);
         let config = SurfaceObjects {
             objects: ObjectSet { meshes: Some(folder.clone()), ..defaults() },
             seed: 101,
