@@ -60,8 +60,8 @@ pub(crate) struct ClusterArgs {
         value_parser = clap::value_parser!(u64).range(1..=5)
     )]
     store_replicas: Option<u64>,
-    /// Let several servers use the store at a time. Sessions are then served by any of them; what
-    /// is not coordinated yet stands in docs/scaling.md.
+    /// Let several servers share the store as one service: each with a data folder of its own, all
+    /// with the same settings (docs/scaling.md).
     #[arg(long, env = "PALPATE_STORE_SHARED")]
     store_shared: bool,
 }

@@ -77,6 +77,12 @@ impl KnownSensors {
         self.sensors.retain(|_, known| known.id != sensor);
     }
 
+    /// Drops all sensors and the numbers of their newest calibrations.
+    pub(crate) fn forget_all(&self) {
+        self.sensors.clear();
+        self.newest.clear();
+    }
+
     /// The sensor of new readings, with its present calibration.
     pub(crate) fn source(&self, sensor: Arc<Sensor>) -> Result<Source, UnknownSensor> {
         let applied = self.newest(sensor.id)?;

@@ -36,6 +36,7 @@ mod admission;
 mod rate;
 mod problem;
 mod app;
+mod hearing;
 mod middleware;
 mod extract;
 pub mod intake;

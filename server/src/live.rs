@@ -9,6 +9,7 @@ pub(crate) mod belief;
 mod changes;
 pub(crate) mod checkpoints;
 mod folding;
+mod followed;
 mod history;
 mod order;
 pub(crate) mod outcome;
@@ -20,7 +21,7 @@ mod state;
 mod status;
 pub(crate) mod trace;
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
@@ -93,6 +94,8 @@ pub(crate) struct Live {
     last_use: AtomicU64,
     account: Account,
     first_place: OnceLock<Option<DVec3>>,
+    /// Whether its followers are about to hear what other servers added.
+    is_hearing: AtomicBool,
 }
 
 /// Error of one session in memory.
@@ -157,7 +160,8 @@ impl Live {
         let (events, _) = broadcast::channel(EVENTS_MAX);
         let (last_use, account) = (AtomicU64::new(0), total.open(ENTRY_BYTES));
         let (turns, first_place) = (Turns::default(), OnceLock::new());
-        Self { tools, session, model, turns, events, last_use, account, first_place }
+        let is_hearing = AtomicBool::new(false);
+        Self { tools, session, model, turns, events, last_use, account, first_place, is_hearing }
     }
 
     pub(crate) fn session(&self) -> &Session {

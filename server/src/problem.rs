@@ -231,6 +231,7 @@ fn engine(error: &EngineError) -> Answer {
             Answer::used_up(ProblemType::QuotaExceeded, "storage", "content-bytes", quota)
         }
         EngineError::Busy { .. }
+        | EngineError::Elsewhere { .. }
         | EngineError::CutsUnderWay { .. }
         | EngineError::CutTooLarge { .. } => ProblemType::Overloaded.into(),
         EngineError::Poisoned | EngineError::Stopped | EngineError::NoRoomToCompact { .. } => {

@@ -24,6 +24,7 @@ use crate::app::{App, Parts};
 use crate::compute::Pool;
 use crate::config::{Access, Config};
 use crate::door::Door;
+use crate::hearing::hear;
 use crate::middleware::headers::is_origin;
 use crate::middleware::telemetry;
 use crate::notices::Notices;
@@ -183,6 +184,8 @@ impl Server {
         let engine = open(&config).await?;
         let store = database(Arc::clone(&engine), config.migrate).await?;
         let store = store.with_accounts(storage::accounts(config.store_quota_bytes));
+        // Before anything is read: what changes from here on is looked at again.
+        let news = store.news();
         let (access, chosen) = (config.access, config.first_admin_key.clone());
         let (keys, admin_key) =
             Keys::open(store.clone(), access, config.new_admin_key, chosen).await?;
@@ -196,12 +199,12 @@ impl Server {
                  `--tls-key`, or a proxy that speaks TLS"
             );
         }
-        let time_keeper = Arc::clone(&keys);
-        let checked = store.clone();
+        let (time_keeper, checked) = (Arc::clone(&keys), store.clone());
         let (app, jobs) = assemble(config, store, keys, stopping.clone()).await?;
         let checked_catalogues = Arc::clone(&app.catalogues);
         let sessions = Arc::clone(&app.sessions);
         spawn_background(&app, &stopping);
+        tokio::spawn(hear(app.clone(), news, stopping.clone()));
         let working = tokio::spawn(jobs.work(stopping.clone()));
         let webhooks = Arc::clone(&app.webhooks);
         let delivering = tokio::spawn(Arc::clone(&webhooks).work(stopping.clone()));

@@ -8,10 +8,13 @@ use std::sync::Arc;
 
 use uuid::Uuid;
 
+use crate::engine::lease::Leasing;
+use crate::engine::news::News;
 use crate::engine::{
     Commit, Compacted, Cut, Engine, EngineError, EngineStats, Pair, Pending, Reading,
 };
 use crate::holding::{Held, Who};
+use crate::key::Space;
 
 /// Amends the commits to an engine.
 pub(crate) struct Amended {
@@ -57,6 +60,18 @@ impl Engine for Amended {
 
     fn catch_up(&self) -> Reading {
         self.engine.catch_up()
+    }
+
+    fn is_shared(&self) -> bool {
+        self.engine.is_shared()
+    }
+
+    fn news(&self, spaces: &[Space]) -> News {
+        self.engine.news(spaces)
+    }
+
+    fn lease(&self, name: &str) -> Leasing {
+        self.engine.lease(name)
     }
 
     fn held(&self) -> BTreeMap<Uuid, u64> {

@@ -5,9 +5,11 @@
 //! durable, without a status, before the change is made. It is settled afterwards, and leaves
 //! the ring of changes when nothing was changed. An entry without a status may or may not
 //! have taken effect: the server stopped, or the caller went away. Sequence numbers count
-//! over all rings, increase and are never reused; times never decrease.
+//! over all rings, increase and are never reused; times never decrease. Both hold over all servers
+//! that write to one log (`crowd`).
 
 mod stored;
+mod crowd;
 
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -21,6 +23,8 @@ use crate::error::{StoreError, unconditional};
 use crate::key::{self, Space};
 use crate::pieces;
 use crate::record;
+pub(crate) use crowd::AuditHeadV1;
+use crowd::Crowd;
 
 /// Maximum number of old entries removed by one commit after the log was opened with smaller
 /// rings.
@@ -113,6 +117,7 @@ pub struct AuditLog {
     is_essential: fn(&str) -> bool,
     sizes: RingSizes,
     known: Mutex<Known>,
+    crowd: Crowd,
 }
 
 /// Index of the log, without the entries.
@@ -145,7 +150,8 @@ impl AuditLog {
         let pending = BTreeSet::new();
         let known = Mutex::new(Known { next, last_ms: 0, rings, pending });
         let essential = Amended::essential(Arc::clone(&engine));
-        let log = Self { engine, essential, is_essential, sizes, known };
+        let crowd = Crowd::default();
+        let log = Self { engine, essential, is_essential, sizes, known, crowd };
         if let Some((seq, ring)) = newest {
             let last = log.read(ring, seq)?;
             log.known().last_ms = last.map_or(0, |entry| entry.at_ms);
@@ -164,6 +170,10 @@ impl AuditLog {
     /// # Errors
     /// The engine's.
     pub async fn begin(&self, entry: AuditEntry) -> Result<AuditEntry, StoreError> {
+        if self.engine.is_shared() {
+            let entry = AuditEntry { status: None, ..entry };
+            return self.append_in_crowd(Ring::Changes, entry).await;
+        }
         let (entry, pending) = {
             let mut known = self.known();
             let entry = AuditEntry { status: None, ..known.numbered(entry) };
@@ -183,6 +193,9 @@ impl AuditLog {
     /// # Errors
     /// The engine's.
     pub async fn add(&self, entry: AuditEntry) -> Result<AuditEntry, StoreError> {
+        if self.engine.is_shared() {
+            return self.append_in_crowd(entry.ring(), entry).await;
+        }
         let (entry, pending) = {
             let mut known = self.known();
             let entry = known.numbered(entry);

@@ -1,5 +1,7 @@
 //! The database: opened once, with all its repositories.
 
+mod sharing;
+
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -16,7 +18,7 @@ use crate::engine::{
     Commit, CommitError, Compacted, Cut, Engine, EngineError, EngineStats, Expected,
 };
 use crate::entity::{Job, Object, Sensor, Session};
-use crate::error::{RecordError, StoreError, unconditional};
+use crate::error::{RecordError, StoreError, conflict};
 use crate::holding::{self, Holding, Who};
 use crate::journal::{Journal, JournalSpaces};
 use crate::key::{self, Space};
@@ -253,14 +255,28 @@ impl Database {
         Ok(clock.latest_ms)
     }
 
-    /// Stores the latest time; durable when it returns.
+    /// Stores the latest time unless a later one is stored; durable when it returns the later one.
     ///
     /// # Errors
-    /// The engine's.
-    pub async fn store_latest_time(&self, latest_ms: u64) -> Result<(), StoreError> {
-        let clock = record::encode(&ClockV1 { latest_ms });
-        let commit = Commit::new().put(key::space(Space::Clock), clock);
-        Ok(self.engine.commit(commit).await.map_err(unconditional)?)
+    /// [`StoreError::Damaged`] and the engine's.
+    pub async fn store_latest_time(&self, latest_ms: u64) -> Result<u64, StoreError> {
+        let head = key::space(Space::Clock);
+        loop {
+            let before = self.engine.get(&head)?;
+            let stored_ms = self.latest_time()?;
+            if before.is_some() && stored_ms >= latest_ms {
+                return Ok(stored_ms);
+            }
+            let expected = before.map_or(Expected::Absent, Expected::Value);
+            let clock = record::encode(&ClockV1 { latest_ms });
+            let commit = Commit::new().expect(head.clone(), expected).put(head.clone(), clock);
+            match self.engine.commit(commit).await.map_err(conflict) {
+                Ok(()) => return Ok(latest_ms),
+                // Another server stored its own.
+                Err(Ok(_)) => {}
+                Err(Err(error)) => return Err(error.into()),
+            }
+        }
     }
 
     /// Waits until reads see what other servers committed before this call.

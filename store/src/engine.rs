@@ -8,15 +8,21 @@
 //! durable.
 
 pub mod opening;
+pub mod lease;
+pub mod news;
+mod pending;
 
 use std::collections::BTreeMap;
 use std::future::Future;
 use std::pin::Pin;
-use std::task::{Context, Poll};
 
-use futures::channel::oneshot;
 use thiserror::Error;
 use uuid::Uuid;
+
+use crate::key::Space;
+use lease::{Lease, Leasing};
+use news::News;
+pub use pending::Pending;
 
 /// Maximum length of a value, bytes; larger records are split by `pieces`.
 ///
@@ -76,6 +82,24 @@ pub trait Engine: Send + Sync + 'static {
     /// [`EngineError`] when the others' commits cannot be read.
     fn catch_up(&self) -> Reading {
         Box::pin(std::future::ready(Ok(())))
+    }
+
+    /// Whether other processes may write to the store while this one has it open.
+    fn is_shared(&self) -> bool {
+        false
+    }
+
+    /// News of what other processes, if any, change in these spaces from now on.
+    fn news(&self, spaces: &[Space]) -> News {
+        News::of(spaces)
+    }
+
+    /// Takes the right `name` unless another process has it.
+    ///
+    /// # Errors
+    /// [`EngineError`] when the store cannot be asked.
+    fn lease(&self, _name: &str) -> Leasing {
+        Box::pin(std::future::ready(Ok(Some(Lease::lasting()))))
     }
 
     /// Bytes that each API key holds; those without one have the nil id.
@@ -216,46 +240,6 @@ impl Commit {
     }
 }
 
-/// The pending result of a commit. Await it, or block a thread with [`Pending::wait`].
-#[derive(Debug)]
-pub struct Pending(oneshot::Receiver<Result<(), CommitError>>);
-
-impl Pending {
-    /// A pending result and its sender.
-    #[must_use]
-    pub fn channel() -> (oneshot::Sender<Result<(), CommitError>>, Self) {
-        let (sender, receiver) = oneshot::channel();
-        (sender, Self(receiver))
-    }
-
-    /// A result that is known already.
-    #[must_use]
-    pub fn ready(answer: Result<(), CommitError>) -> Self {
-        let (sender, pending) = Self::channel();
-        // The receiver is alive, it is in `pending`.
-        let _ = sender.send(answer);
-        pending
-    }
-
-    /// Blocks this thread until the result is there. Not for async threads.
-    ///
-    /// # Errors
-    /// The result of the commit.
-    pub fn wait(self) -> Result<(), CommitError> {
-        futures::executor::block_on(self)
-    }
-}
-
-impl Future for Pending {
-    type Output = Result<(), CommitError>;
-
-    fn poll(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Self::Output> {
-        Pin::new(&mut self.0)
-            .poll(context)
-            .map(|answer| answer.unwrap_or(Err(CommitError::Engine(EngineError::Stopped))))
-    }
-}
-
 /// Result of a compaction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Compacted {
@@ -360,6 +344,12 @@ pub enum EngineError {
     Busy {
         /// Maximum number of waiting commits.
         queue_max: usize,
+    },
+    /// Another server does something of which there is one at a time.
+    #[error("another server is busy with {what}: try again")]
+    Elsewhere {
+        /// What it does.
+        what: String,
     },
     /// The engine has been shut down.
     #[error("the database has been shut down")]

@@ -70,6 +70,8 @@ pub enum Kind {
     Notice = 28,
     /// Number of commits, and the sum of all records.
     Tally = 30,
+    /// The last number in an audit log that several servers write.
+    AuditHead = 31,
 }
 
 /// A checked envelope.

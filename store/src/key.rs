@@ -58,6 +58,8 @@ pub enum Space {
     AuditRefused = b'd',
     /// Refused requests without a key in the audit log, by sequence.
     AuditStrangers = b'q',
+    /// The last number in an audit log that several servers write.
+    AuditHead = b'A',
     /// The API key that owns a robot's name, by name.
     RobotHolder = b'h',
     /// Webhooks by id.

@@ -9,8 +9,8 @@
 //! byte. Times are arguments, in milliseconds since 1970. Not here: HTTP, clocks, and
 //! upgrades of old formats (`migrations`).
 
-pub mod engine;
 pub mod key;
+pub mod engine;
 pub mod envelope;
 pub mod private;
 mod descriptor_code;

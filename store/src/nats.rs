@@ -32,10 +32,13 @@ use futures::channel::oneshot;
 use tokio::runtime::{Builder, Runtime};
 use uuid::Uuid;
 
+use crate::engine::lease::{Lease, Leasing};
+use crate::engine::news::News;
 use crate::engine::opening::OpenError;
 use crate::engine::{
     Commit, CommitError, Compacted, Cut, Engine, EngineError, EngineStats, Pair, Pending, Reading,
 };
+use crate::key::Space;
 use index::{Index, Located, read_all};
 use lanes::{Admitted, Job, Lanes};
 pub use options::NatsOptions;
@@ -203,6 +206,30 @@ impl Engine for NatsEngine {
                 let _ = answer.send(writer::catch_up_all(&desk.publisher, &desk.shared).await);
             });
         }
+        Box::pin(async move { done.await.unwrap_or(Err(EngineError::Stopped)) })
+    }
+
+    fn is_shared(&self) -> bool {
+        !self.has_lease
+    }
+
+    fn news(&self, spaces: &[Space]) -> News {
+        let news = News::of(spaces);
+        self.desk.shared.hear(news.teller());
+        news
+    }
+
+    fn lease(&self, name: &str) -> Leasing {
+        // A process that has the whole store need not ask.
+        let Some(runtime) = self.runtime.as_ref().filter(|_| self.is_shared()) else {
+            return Box::pin(std::future::ready(Ok(Some(Lease::lasting()))));
+        };
+        let (publisher, name) = (Arc::clone(&self.desk.publisher), name.to_owned());
+        let (answer, done) = oneshot::channel();
+        runtime.spawn(async move {
+            // One that nobody awaits is given back.
+            let _ = answer.send(lease::take_named(publisher, &name).await);
+        });
         Box::pin(async move { done.await.unwrap_or(Err(EngineError::Stopped)) })
     }
 

@@ -56,6 +56,16 @@ impl RobotHolders {
         Ok(found)
     }
 
+    /// The owner of a name, if any.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`] and the engine's.
+    pub fn find(&self, robot: &str) -> Result<Option<RobotHolder>, StoreError> {
+        let found = self.engine.get(&key::robot_name(robot))?;
+        let holder = found.map(|bytes| record::decode(&bytes)).transpose();
+        holder.map_err(StoreError::damaged(Space::RobotHolder))
+    }
+
     /// Assigns names to keys, replacing earlier owners; durable when it returns.
     ///
     /// # Errors

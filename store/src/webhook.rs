@@ -174,31 +174,46 @@ impl Deliveries {
     }
 
     /// Stores new deliveries, removes evicted ones, and stores a notice: all or
-    /// nothing, durable when it returns.
+    /// nothing, durable when it returns. Leaves out those that another server has stored by now;
+    /// returns the others.
     ///
     /// # Errors
-    /// [`StoreError::Damaged`] and the engine's.
-    pub async fn add(
+    /// [`StoreError::Changed`] only under endless concurrent changes; [`StoreError::Damaged`] and
+    /// the engine's.
+    pub async fn add<'new>(
         &self,
-        new: &[Delivery],
+        new: &'new [Delivery],
         evicted: &[(Uuid, Uuid)],
         notice: Option<&Notice>,
-    ) -> Result<(), StoreError> {
-        let mut commit = Commit::new();
-        for (webhook, event) in evicted {
-            let head = key::nested(Space::Delivery, *webhook, *event);
-            if let Some(before) = pieces::read(&*self.engine, Space::Delivery, &head)? {
-                commit = pieces::remove(commit, &head, &before);
+    ) -> Result<Vec<&'new Delivery>, StoreError> {
+        for _ in 0..UPDATE_ATTEMPTS {
+            let (mut commit, mut added) = (Commit::new(), Vec::new());
+            for (webhook, event) in evicted {
+                let head = key::nested(Space::Delivery, *webhook, *event);
+                if let Some(before) = pieces::read(&*self.engine, Space::Delivery, &head)? {
+                    commit = pieces::remove(commit, &head, &before);
+                }
+            }
+            for delivery in new {
+                let head = head_of(delivery);
+                if self.engine.get(&head)?.is_none() {
+                    commit = commit.expect(head.clone(), Expected::Absent);
+                    commit = pieces::put(commit, &head, &record::encode(delivery), None);
+                    added.push(delivery);
+                }
+            }
+            if let Some(notice) = notice {
+                let head = key::id(Space::Notice, notice.session);
+                commit = commit.put(head, record::encode(notice));
+            }
+            match self.engine.commit(commit).await.map_err(conflict) {
+                Ok(()) => return Ok(added),
+                Err(Ok(_)) => {}
+                Err(Err(error)) => return Err(error.into()),
             }
         }
-        for delivery in new {
-            commit = pieces::put(commit, &head_of(delivery), &record::encode(delivery), None);
-        }
-        if let Some(notice) = notice {
-            let head = key::id(Space::Notice, notice.session);
-            commit = commit.put(head, record::encode(notice));
-        }
-        Ok(self.engine.commit(commit).await.map_err(unconditional)?)
+        let id = new.first().map_or(Uuid::nil(), |delivery| delivery.event);
+        Err(StoreError::Changed { what: "delivery", id })
     }
 
     /// Stores the new state of a delivery; `false`, and no change, if it was removed.
@@ -267,6 +282,16 @@ impl Deliveries {
     /// The engine's.
     pub async fn remove_all(&self, webhook: Uuid) -> Result<(), StoreError> {
         Ok(pieces::remove_all(&*self.engine, &key::id(Space::Delivery, webhook)).await?)
+    }
+
+    /// What was announced of a session.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`] and the engine's.
+    pub fn notice(&self, session: Uuid) -> Result<Option<Notice>, StoreError> {
+        let found = self.engine.get(&key::id(Space::Notice, session))?;
+        let notice = found.map(|bytes| record::decode(&bytes)).transpose();
+        notice.map_err(StoreError::damaged(Space::Notice))
     }
 
     /// All notices. Damaged ones are left out, and logged. Blocks.

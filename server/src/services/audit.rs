@@ -202,6 +202,16 @@ impl Audit {
         Ok(wire::AuditPage { items, next_cursor: behind.map(cursor) })
     }
 
+    /// Looks again at an entry that another server changed.
+    pub(crate) fn heard(&self, space: u8, seq: u64) -> Result<(), StoreError> {
+        self.log.heard(space, seq)
+    }
+
+    /// Looks again at all entries. Blocks.
+    pub(crate) fn heard_all(&self) -> Result<(), StoreError> {
+        self.log.heard_all()
+    }
+
     /// Records the request of a change.
     pub(crate) async fn begin(&self, attempt: Attempt) -> Result<AuditEntry, StoreError> {
         self.log.begin(entry(attempt)).await

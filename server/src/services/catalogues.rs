@@ -4,6 +4,7 @@
 //! memory budget (`memory`).
 
 mod aliases;
+mod elsewhere;
 mod loading;
 mod maps;
 mod memory;
@@ -289,7 +290,7 @@ impl Catalogues {
         draft: Draft,
         activate: bool,
     ) -> Result<u32, CatalogueError> {
-        let _publishing = self.publishing.lock().await;
+        let _alone = self.alone().await?;
         let catalogue = self.find(name)?;
         let manifest = self.table.publish(catalogue.id, draft).await?;
         if activate {
@@ -307,7 +308,7 @@ impl Catalogues {
         draft: Draft,
         activate: bool,
     ) -> Result<u32, CatalogueError> {
-        let _publishing = self.publishing.lock().await;
+        let _alone = self.alone().await?;
         let catalogue = self.table.get(catalogue)?;
         // Its blocks are there as long as it is.
         let before = self.manifest(&catalogue, before)?.version;

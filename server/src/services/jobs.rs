@@ -3,10 +3,12 @@
 //!
 //! Robots in a session therefore do not wait for them. The store has each job's state; the
 //! progress of the running one is in memory and streamed. A job interrupted by a stop of the
-//! server is restarted once; its request makes it the same work.
+//! server is restarted once; its request makes it the same work. Servers that share a store divide
+//! the jobs among them (`elsewhere`).
 
 mod control;
 mod draft;
+mod elsewhere;
 mod ending;
 pub(crate) mod error;
 mod plan;
@@ -17,13 +19,14 @@ mod work;
 use std::sync::Arc;
 use std::time::Duration;
 
-use control::{CANCEL, Control, OVERDUE, SUSPEND};
+use control::{CANCEL, Control, LOST, OVERDUE, SUSPEND};
 use dashmap::DashMap;
 use ending::Ending;
 use palpate_schemas as wire;
 use palpate_schemas::StartTraining;
 use palpate_store::database::Database;
 use palpate_store::engine::EngineError;
+use palpate_store::engine::lease::Lease;
 use palpate_store::entity::{Job, JobState};
 use palpate_store::error::StoreError;
 use tokio::sync::{Notify, watch};
@@ -48,6 +51,9 @@ use error::JobError;
 
 /// Time for which a cancellation waits for the running training to notice.
 const CANCEL_PATIENCE: Duration = Duration::from_secs(5);
+/// Interval at which jobs of other servers are looked at. Chosen: a fraction of the time for which
+/// a server that died still counts as their worker.
+const LOOK_EVERY: Duration = Duration::from_secs(2);
 /// Marks a job that was interrupted by a stop of the server and queued again.
 const INTERRUPTED: &str = "interrupted by a stop of the server";
 
@@ -104,6 +110,8 @@ impl Jobs {
         for job in self.store.jobs().list_whole(None, usize::MAX - 1)?.items {
             let job = match job.state {
                 JobState::Queued => job,
+                // Another server may work on it.
+                JobState::Running if self.store.is_shared() => job,
                 JobState::Running => match self.after_interruption(job).await {
                     Ok(Some(job)) => job,
                     Ok(None) => continue,
@@ -231,20 +239,23 @@ impl Jobs {
     /// Runs jobs until the server stops; a running one is then suspended.
     pub(crate) async fn work(self: Arc<Self>, mut stopping: watch::Receiver<bool>) {
         loop {
-            let next = match self.next() {
+            let next = match self.next().await {
                 Ok(next) => next,
                 Err(error) => {
                     tracing::error!("Cannot read the queue of jobs: {error}");
                     None
                 }
             };
-            let Some(job) = next else {
+            let Some((job, lease)) = next else {
+                // The worker of a job of another server may be gone.
+                let looks_again = self.store.is_shared() && !self.unfinished.is_empty();
                 tokio::select! {
                     () = self.wake.notified() => continue,
+                    () = tokio::time::sleep(LOOK_EVERY), if looks_again => continue,
                     _ = stopping.wait_for(|stopping| *stopping) => return,
                 }
             };
-            let (id, working) = (job.id, self.run(job, stopping.clone()));
+            let (id, working) = (job.id, self.run((job, lease), stopping.clone()));
             tokio::pin!(working);
             let is_stopped = tokio::select! {
                 () = &mut working => continue,
@@ -282,20 +293,15 @@ impl Jobs {
         }
     }
 
-    fn next(&self) -> Result<Option<Job>, StoreError> {
-        // A job whose end waits to be stored is over.
-        let waiting = self.unfinished.iter().filter(|entry| !entry.is_over());
-        let oldest = waiting.map(|entry| *entry.key()).min();
-        let Some(id) = oldest else { return Ok(None) };
-        self.store.jobs().find(id)
-    }
-
     /// Handles a job that was running when the server stopped.
     async fn after_interruption(&self, job: Job) -> Result<Option<Job>, StoreError> {
         let made = self.catalogues.made_by(&job.catalogue, job.id)?;
         let again = made.is_none() && job.error.is_none() && !job.cancel_requested;
         let table = self.store.jobs();
         let changed = table.update(job.id, |now| {
+            if now.state != JobState::Running {
+                return Err(StoreError::Changed { what: "job", id: job.id });
+            }
             now.version = made;
             now.finished_at_ms = (!again).then(now_ms);
             now.error = Some(INTERRUPTED.to_owned());
@@ -305,16 +311,20 @@ impl Jobs {
                 None if job.cancel_requested => JobState::Cancelled,
                 None => JobState::Failed,
             };
-            Ok::<(), StoreError>(())
+            Ok(())
         });
         let job = changed.await??;
         tracing::warn!(job.id = %job.id, "Job {} was {INTERRUPTED}: {:?} now", job.id, job.state);
+        if !again && self.control(job.id).is_some() {
+            self.conclude(&job);
+        }
         Ok(again.then_some(job))
     }
 
-    async fn run(self: &Arc<Self>, job: Job, stopping: watch::Receiver<bool>) {
+    async fn run(self: &Arc<Self>, (job, lease): (Job, Lease), stopping: watch::Receiver<bool>) {
         let id = job.id;
         let Some(control) = self.control(id) else { return };
+        control.hold(lease);
         // Records of a training count towards the key that requested it.
         let client = self.store.job_writer(id).ok().flatten().filter(|key| !key.is_nil());
         let trained = asker::ask(client.map(Client::Key), self.work_on(&job, &control)).await;
@@ -324,7 +334,13 @@ impl Jobs {
                 report = done.report;
                 (JobState::Succeeded, Some(done.version), None)
             }
+            Err(TrainingFailure::Stopped) if control.is_ordered(LOST) => {
+                control.release();
+                return tracing::error!(job.id = %id,
+                    "Stopped job {id}: the store was out of reach, another server may have it");
+            }
             Err(TrainingFailure::Stopped) if control.is_ordered(SUSPEND) => {
+                control.release();
                 return tracing::info!(job.id = %id, "Suspended job {id}: the server stops");
             }
             Err(TrainingFailure::Stopped) if control.is_ordered(OVERDUE) => {
@@ -352,6 +368,7 @@ impl Jobs {
         tracing::info!(job.id = %job.id, "Job {} ended {:?}: {reason}", job.id, job.state);
         if let Some((_, control)) = self.unfinished.remove(&job.id) {
             control.job.send_replace(shown(job));
+            control.release();
         }
         if let Some((at_ms, job)) = finished_job(job) {
             self.notices.job(at_ms, job);

@@ -4,6 +4,7 @@
 //! in constant time, and an unknown key takes as long as a known one. Not here: permissions
 //! of roles (`roles`), and the check of requests (`guard`).
 
+mod elsewhere;
 pub(crate) mod error;
 mod holding;
 mod latest;
@@ -60,7 +61,8 @@ impl Keys {
         fresh: bool,
         chosen: Option<ChosenKey>,
     ) -> Result<(Self, Option<String>), OpenError> {
-        let all: BTreeMap<_, _> = store.keys().all()?.into_iter().map(|k| (k.id, k)).collect();
+        let _alone = elsewhere::alone(&store).await.map_err(StoreError::from)?;
+        let all = elsewhere::read_keys(&store)?;
         let latest = Latest::new(store.latest_time()?);
         let now = latest.now_ms();
         let stored = all.values().any(|key| key.revoked_at_ms.is_none());
@@ -186,7 +188,7 @@ impl Keys {
         let (low, high) = EXPIRES_IN_S;
         let within = |s| convert::within("/expires_in_s", s, low, high);
         let expires_in_s = request.expires_in_s.map(within).transpose()?;
-        let _changing = self.changing.lock().await;
+        let _alone = self.alone().await?;
         if self.is_taken(&request.name) {
             let name = request.name.clone();
             return Err(StoreError::NameTaken { what: "key", name }.into());
@@ -203,7 +205,7 @@ impl Keys {
 
     /// Revokes a key; no effect on a revoked one.
     pub(crate) async fn revoke(&self, reference: &str) -> Result<(), KeyError> {
-        let _changing = self.changing.lock().await;
+        let _alone = self.alone().await?;
         let key = self.get(reference)?;
         let now = self.now_ms();
         if key.revoked_at_ms.is_some() {
@@ -226,7 +228,7 @@ impl Keys {
     ) -> Result<wire::NewApiKey, KeyError> {
         let grace_s = request.grace_s.unwrap_or(0);
         let grace_s = convert::within("/grace_s", grace_s, 0, GRACE_S_MAX)?;
-        let _changing = self.changing.lock().await;
+        let _alone = self.alone().await?;
         let key = self.get(reference)?;
         let now = self.now_ms();
         if !key.is_active(now) {

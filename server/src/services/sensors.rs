@@ -149,6 +149,20 @@ impl Sensors {
         Ok(sensor)
     }
 
+    /// Looks again at a sensor that another server changed.
+    pub(crate) fn heard(&self, id: Uuid) -> Result<(), StoreError> {
+        self.known.forget(id);
+        if self.store.sensors().find(id)?.is_none() {
+            self.health.forget(id);
+        }
+        Ok(())
+    }
+
+    /// Looks again at all sensors.
+    pub(crate) fn heard_all(&self) {
+        self.known.forget_all();
+    }
+
     pub(crate) fn list(&self, query: wire::LabelledQuery) -> Result<wire::SensorPage, Cause> {
         let (page, wanted) = labels::page_and_wanted(query)?;
         let (after, limit) = (page_id(&page)?, page_length(&page)?);

@@ -7,6 +7,7 @@
 //! that hangs up does not leave them half done.
 
 mod attention;
+mod elsewhere;
 mod fits;
 mod fleet;
 mod health;

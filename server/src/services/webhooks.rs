@@ -8,6 +8,7 @@ mod announce;
 mod backoff;
 mod registry;
 mod history;
+mod elsewhere;
 mod deliver;
 pub(crate) mod error;
 mod sender;

@@ -5,7 +5,7 @@ use uuid::Uuid;
 use super::relations::Relations;
 use super::{Finding, Report, Severity};
 use crate::access::AccessKey;
-use crate::audit::AuditEntry;
+use crate::audit::{AuditEntry, AuditHeadV1};
 use crate::calibration::StoredCalibration;
 use crate::catalogue::{Catalogue, Manifest};
 use crate::engine::VALUE_BYTES_MAX;
@@ -74,6 +74,7 @@ pub(super) fn space(letter: u8) -> (&'static str, Option<usize>, &'static str) {
         b'b' => ("block", Some(33), "versions with it cannot be recognised with"),
         b'a' => ("key", Some(17), "whoever holds the key is not let in"),
         b'y' => ("clock", Some(1), "a key that has expired is let in when the clock is set back"),
+        b'A' => ("audit head", Some(1), "servers on one cluster number audit entries anew"),
         b'h' => ("robot", None, "the robot's name belongs to nobody"),
         b'z' => ("holding", None, "the bytes that a key holds are counted wrong"),
         b'W' => ("webhook", Some(17), "it receives no events"),
@@ -95,7 +96,7 @@ pub(super) fn words(key: &[u8]) -> String {
         bytes.map_or(0, u64::from_be_bytes)
     };
     match (key.first(), key.len()) {
-        (Some(b'!' | b'y'), 1) => "of the whole".to_owned(),
+        (Some(b'!' | b'y' | b'A'), 1) => "of the whole".to_owned(),
         (
             Some(b's' | b'o' | b'm' | b'T' | b'j' | b'e' | b'R' | b'c' | b'a' | b'W' | b'N'),
             17..,
@@ -254,6 +255,7 @@ impl Assembly {
             b'i' => decoded(bytes, Whole::SensorDay),
             b'a' => decoded(bytes, |_: AccessKey| Whole::Alone),
             b'y' => decoded(bytes, |_: ClockV1| Whole::Alone),
+            b'A' => decoded(bytes, |_: AuditHeadV1| Whole::Alone),
             b'h' => decoded(bytes, |_: RobotHolder| Whole::Alone),
             b'l' | b'd' | b'q' => decoded(bytes, |_: AuditEntry| Whole::Alone),
             b'W' => decoded(bytes, |_: Webhook| Whole::Alone),

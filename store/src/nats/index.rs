@@ -41,8 +41,8 @@ pub(super) struct Index {
     pub(super) live_bytes: u64,
     pub(super) logged_bytes: u64,
     spool: Spool,
-    /// Emptied units, oldest first.
-    emptied: VecDeque<(Instant, Vec<u8>)>,
+    /// Emptied units and the sequences of the messages that did it, oldest first.
+    emptied: VecDeque<(Instant, Vec<u8>, u64)>,
 }
 
 impl Index {
@@ -117,7 +117,7 @@ impl Index {
         state.logged_bytes += bytes;
         self.logged_bytes += bytes;
         if state.n_keys == 0 && message.is_whole {
-            self.emptied.push_back((Instant::now(), message.unit.clone()));
+            self.emptied.push_back((Instant::now(), message.unit.clone(), sequence));
         }
         self.units.insert(message.unit.clone(), state);
         Ok(())
@@ -158,9 +158,12 @@ impl Index {
 
     /// Forgets the units that were emptied before the stream's memory of them ended.
     pub(super) fn forget_expired(&mut self) {
-        while self.emptied.front().is_some_and(|(at, _)| at.elapsed() > TOMBSTONE_KEPT) {
-            let Some((_, id)) = self.emptied.pop_front() else { return };
-            self.forget(&id);
+        while self.emptied.front().is_some_and(|(at, ..)| at.elapsed() > TOMBSTONE_KEPT) {
+            let Some((_, id, sequence)) = self.emptied.pop_front() else { return };
+            // One that was written again since has a later message.
+            if self.unit(&id).sequence == sequence {
+                self.forget(&id);
+            }
         }
     }
 }

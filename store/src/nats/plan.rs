@@ -5,6 +5,9 @@
 //! so that JetStream refuses the commit when the index was behind. A unit with little content or
 //! much garbage is written as a whole, and the message rolls up its earlier ones: the stream
 //! compacts itself.
+//!
+//! What an API key holds is the sum over many units. Commits of a key with little left of its
+//! quota also write to a unit that they share, so that each is planned after all before it.
 
 use std::collections::BTreeMap;
 
@@ -13,8 +16,8 @@ use uuid::Uuid;
 use super::index::{Index, read};
 use super::message::{FRAME_BYTES, Message, WRITE_BYTES, Write, encode};
 use super::unit;
-use crate::engine::{Commit, CommitError, EngineError, Expected};
-use crate::holding::{self, Bill};
+use crate::engine::{Account, Commit, CommitError, EngineError, Expected};
+use crate::holding::{self, Bill, Held};
 
 /// Maximum number of messages of an atomic batch, the server's default.
 pub(super) const MESSAGES_MAX: usize = 1000;
@@ -24,6 +27,10 @@ const WHOLE_BYTES_MAX: u64 = 4 << 20;
 const TOMBSTONE_TTL: &str = "24h";
 /// Garbage that a unit may have.
 const GARBAGE_BYTES: u64 = 16 << 10;
+
+/// Bytes left of a quota below which commits are ordered. Chosen: more than all servers write for
+/// one key within the milliseconds by which an index may be behind.
+const QUOTA_LEFT_BYTES: u64 = 32 << 20;
 
 /// Keys and their new values, `None` to remove them.
 type Writes = BTreeMap<Vec<u8>, Option<Vec<u8>>>;
@@ -97,6 +104,11 @@ pub(super) fn plan(
             || work.compacts.iter().any(|unit| unit == id)
     };
     by_unit.retain(|id, writes| is_needed(id, writes));
+    if let Some(account) = commit.account.filter(|account| is_close(&index.held, account))
+        && !by_unit.is_empty()
+    {
+        by_unit.insert(unit::quota(account.key), BTreeMap::new());
+    }
     let mut parts = Vec::new();
     for (id, writes) in by_unit {
         parts.extend(of_unit(index, id, writes, work, payload_max)?);
@@ -115,6 +127,11 @@ pub(super) fn plan(
         Outgoing { unit: message.unit, expected, is_rollup, ttl, payload }
     });
     Ok(outgoing.collect())
+}
+
+/// Whether an account has so little left of its quota that its commits are ordered.
+fn is_close(held: &Held, account: &Account) -> bool {
+    account.quota.is_some() && held.check(*account, QUOTA_LEFT_BYTES).is_err()
 }
 
 /// The writes of a commit, the last of each key, and those of the holdings of its account.

@@ -108,10 +108,14 @@ impl Publisher {
         }
     }
 
-    /// Removes all messages of a unit.
-    pub(super) async fn purge(&self, unit: &[u8]) -> Result<(), String> {
+    /// Removes the messages of a unit up to the one at `last`.
+    pub(super) async fn purge(&self, unit: &[u8], last: u64) -> Result<(), String> {
         let purge = self.stream.purge().filter(unit::subject(&self.name, unit));
-        purge.await.map(drop).map_err(|error| error.to_string())
+        let purged = match last.checked_add(1) {
+            Some(end) => purge.sequence(end).await,
+            None => purge.await,
+        };
+        purged.map(drop).map_err(|error| error.to_string())
     }
 }
 

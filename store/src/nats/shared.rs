@@ -10,7 +10,9 @@ use uuid::Uuid;
 
 use super::index::Index;
 use super::message::Message;
+use super::unit;
 use crate::engine::EngineError;
+use crate::engine::news::Teller;
 
 /// A message with its sequence and its length in bytes.
 #[derive(Debug)]
@@ -28,6 +30,8 @@ pub(super) struct Shared {
     position: watch::Sender<u64>,
     /// Commits that are being published, and whether the stream has delivered them.
     under_way: Mutex<HashMap<Uuid, bool>>,
+    /// Those who hear what other processes change.
+    tellers: Mutex<Vec<Teller>>,
     fault: Mutex<Option<EngineError>>,
     /// Told when somebody waits for messages and none come.
     pub(super) is_stalled: Notify,
@@ -42,6 +46,7 @@ impl Shared {
             index: RwLock::new(index),
             position: watch::Sender::new(0),
             under_way: Mutex::default(),
+            tellers: Mutex::default(),
             fault: Mutex::default(),
             is_stalled: Notify::new(),
             commits: AtomicU64::new(0),
@@ -64,18 +69,35 @@ impl Shared {
         {
             let mut index = self.index.write().unwrap_or_else(PoisonError::into_inner);
             for Delivered { message, sequence, bytes } in messages {
-                index.apply(message, *sequence, *bytes)?;
+                if !message.unit.starts_with(unit::LEASE) {
+                    index.apply(message, *sequence, *bytes)?;
+                }
             }
         }
         let mut under_way = self.under_way();
+        let mut foreign = Vec::new();
         for Delivered { message, .. } in messages {
-            if let Some(is_delivered) = under_way.get_mut(&message.commit) {
-                *is_delivered = true;
+            match under_way.get_mut(&message.commit) {
+                Some(is_delivered) => *is_delivered = true,
+                None => foreign.push(&message.unit),
             }
         }
         drop(under_way);
         self.position.send_replace(last.sequence);
+        if !foreign.is_empty() {
+            let is_heard = |teller: &Teller| foreign.iter().all(|unit| teller.tell(unit));
+            self.tellers().retain(is_heard);
+        }
         Ok(())
+    }
+
+    /// Adds one who hears from now on what other processes change.
+    pub(super) fn hear(&self, teller: Teller) {
+        self.tellers().push(teller);
+    }
+
+    fn tellers(&self) -> MutexGuard<'_, Vec<Teller>> {
+        self.tellers.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Forgets units that were emptied long ago.

@@ -4,7 +4,13 @@
 //! object, everything under the id: its journal, its robots' numbers, its holdings. An append to
 //! a journal is therefore one message. The unit's id is the prefix of its keys, or the whole key.
 
+use uuid::Uuid;
+
 use crate::key::Space;
+
+/// Unit of the lease of a whole store, and first part of those of named leases; no commit has
+/// keys that begin with 0.
+pub(super) const LEASE: &[u8] = b"\0lease";
 
 /// Length of the key of a record of a space; `None` if it varies.
 fn record_bytes(letter: u8) -> Option<usize> {
@@ -16,6 +22,11 @@ fn record_bytes(letter: u8) -> Option<usize> {
         b'l' | b'd' | b'q' => Some(9),
         _ => None,
     }
+}
+
+/// The unit, without keys, that orders the commits of an API key that has little left of its quota.
+pub(super) fn quota(key: Uuid) -> Vec<u8> {
+    [&b"\0quota"[..], key.as_bytes()].concat()
 }
 
 /// The id of the unit to which a key belongs.

@@ -60,7 +60,8 @@ async fn attempts(
             Err(Refused::Busy) => "the servers are busy".to_owned(),
             Err(Refused::Unknown(detail)) => detail,
         };
-        let behind = catch_up(admitted, publisher, shared).await;
+        let units = outgoing.iter().map(|message| &message.unit);
+        let behind = catch_up(units, publisher, shared).await;
         if shared.is_delivered(id) {
             return Ok(());
         }
@@ -73,13 +74,13 @@ async fn attempts(
     }
 }
 
-/// Follows the stream up to the last messages of the commit's units, as the leader knows them.
+/// Follows the stream up to the last messages of a commit's units, as the leader knows them.
 async fn catch_up(
-    admitted: &Admitted,
+    units: impl Iterator<Item = &Vec<u8>>,
     publisher: &Publisher,
     shared: &Arc<Shared>,
 ) -> Result<(), String> {
-    for unit in &admitted.units {
+    for unit in units {
         let last = publisher.last_sequence(unit).await?;
         if last == 0 {
             shared.forget(unit);

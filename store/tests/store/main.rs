@@ -20,5 +20,6 @@ mod repositories;
 mod samples;
 mod sensor_days;
 mod sensors;
+mod sharing;
 mod snapshots;
 mod webhooks;

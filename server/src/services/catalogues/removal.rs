@@ -24,7 +24,7 @@ impl Catalogues {
         name: &str,
         version: &str,
     ) -> Result<(), CatalogueError> {
-        let (_alone, _publishing) = (self.using.write().await, self.publishing.lock().await);
+        let (_unused, _alone) = (self.using.write().await, self.alone().await?);
         let catalogue = self.find(name)?;
         let version = self.manifest(&catalogue, number(version)?)?.version;
         let what = format!("version {version} of catalogue {name:?}");
@@ -45,7 +45,7 @@ impl Catalogues {
 
     /// Removes a catalogue that is not needed, with all its versions.
     pub(crate) async fn remove(&self, name: &str) -> Result<(), Cause> {
-        let (_alone, _publishing) = (self.using.write().await, self.publishing.lock().await);
+        let (_unused, _alone) = (self.using.write().await, self.alone().await?);
         let catalogue = self.find(name)?;
         let what = format!("catalogue {name:?}");
         self.expect_unused(&what, &catalogue, None)?;

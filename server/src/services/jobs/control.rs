@@ -2,11 +2,12 @@
 
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicU8, Ordering};
-use std::sync::{Mutex, OnceLock, PoisonError};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use palpate_schemas as wire;
 use palpate_schemas::JobStage;
+use palpate_store::engine::lease::Lease;
 use tokio::sync::watch;
 
 use crate::wire::count;
@@ -19,6 +20,8 @@ const GO_ON: u8 = 0;
 pub(super) const CANCEL: u8 = 1;
 pub(super) const SUSPEND: u8 = 2;
 pub(super) const OVERDUE: u8 = 3;
+/// Stop: another server may work on it.
+pub(super) const LOST: u8 = 4;
 
 /// An unfinished job: its order and its progress.
 pub(super) struct Control {
@@ -27,6 +30,8 @@ pub(super) struct Control {
     told: Mutex<(JobStage, Instant, Instant)>,
     /// Deadline of the job; set when it begins.
     ends: OnceLock<Instant>,
+    /// The right to work on it, while this server does.
+    lease: Mutex<Option<Lease>>,
 }
 
 impl Control {
@@ -37,7 +42,28 @@ impl Control {
             job: watch::Sender::new(job),
             told: Mutex::new((JobStage::Sampling, now, now)),
             ends: OnceLock::new(),
+            lease: Mutex::default(),
         }
+    }
+
+    /// Takes the job on.
+    pub(super) fn hold(&self, lease: Lease) {
+        self.order(GO_ON);
+        *self.lease() = Some(lease);
+    }
+
+    /// Gives the job away.
+    pub(super) fn release(&self) {
+        self.lease().take();
+    }
+
+    /// Whether this server works on the job.
+    pub(super) fn is_held(&self) -> bool {
+        self.lease().is_some()
+    }
+
+    fn lease(&self) -> MutexGuard<'_, Option<Lease>> {
+        self.lease.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Begins the time that the training may take.
@@ -64,6 +90,9 @@ impl Control {
     pub(super) fn tell(&self, stage: JobStage, done: usize, total: usize) -> ControlFlow<()> {
         if self.ends.get().is_some_and(|ends| Instant::now() >= *ends) && self.is_ordered(GO_ON) {
             self.order(OVERDUE);
+        }
+        if self.lease().as_ref().is_some_and(Lease::is_lost) {
+            self.order(LOST);
         }
         if !self.is_ordered(GO_ON) {
             return ControlFlow::Break(());

@@ -88,7 +88,9 @@ impl Jobs {
             Ok(recalibrate(&named, &model, &sessions, &sources, &progress)?)
         };
         let found = self.on_threads(work).await?;
-        let _ = control.tell(JobStage::Storing, 0, 1);
+        if control.tell(JobStage::Storing, 0, 1).is_break() {
+            return Err(TrainingFailure::Stopped);
+        }
         let activate = request.activate.unwrap_or(true) && found.report.is_better;
         let draft = draft(job.id, &target, parameters, found);
         Ok(self.catalogues.publish_recalibrated(catalogue.id, version, draft, activate).await?)

@@ -82,7 +82,9 @@ impl Jobs {
             Ok((trained, blocks))
         };
         let (trained, blocks) = self.on_threads(work).await?;
-        let _ = control.tell(JobStage::Storing, 0, 1);
+        if control.tell(JobStage::Storing, 0, 1).is_break() {
+            return Err(TrainingFailure::Stopped);
+        }
         let activate = training.activate.unwrap_or(true);
         let draft = draft(job.id, training, trained, blocks, started.elapsed());
         Ok(self.catalogues.publish(&job.catalogue, draft, activate).await?)

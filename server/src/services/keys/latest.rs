@@ -28,6 +28,12 @@ impl Latest {
         self.at(now_ms(), Instant::now())
     }
 
+    /// Takes over a later time, which another server has seen.
+    fn raise(&self, latest_ms: u64) {
+        let now = Instant::now();
+        self.at(latest_ms, now);
+    }
+
     /// The latest time, when the machine's clock shows `clock_ms`.
     fn at(&self, clock_ms: u64, now: Instant) -> u64 {
         let mut latest = self.0.lock().unwrap_or_else(PoisonError::into_inner);
@@ -50,8 +56,9 @@ impl Keys {
     pub(crate) async fn keep_time(self: Arc<Self>, mut stopping: watch::Receiver<bool>) {
         loop {
             let goes_on = pause(STORE_EVERY, &mut stopping).await;
-            if let Err(error) = self.store.store_latest_time(self.now_ms()).await {
-                tracing::warn!(%error, "Cannot store the latest time");
+            match self.store.store_latest_time(self.now_ms()).await {
+                Ok(latest_ms) => self.latest.raise(latest_ms),
+                Err(error) => tracing::warn!(%error, "Cannot store the latest time"),
             }
             if !goes_on {
                 return;

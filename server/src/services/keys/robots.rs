@@ -47,7 +47,7 @@ impl Keys {
         if self.unheld(key, &first)?.is_empty() {
             return Ok(());
         }
-        let _changing = self.changing.lock().await;
+        let _alone = self.alone().await?;
         let new = self.unheld(key, &first)?;
         let held = self.robots(|robots| robots.values().filter(|it| it.key == key).count());
         if held + new.len() > NAMES_MAX {
@@ -103,7 +103,7 @@ impl Keys {
         request: &wire::BindRobot,
     ) -> Result<wire::Robot, KeyError> {
         reading::robot("?robot", robot)?;
-        let _changing = self.changing.lock().await;
+        let _alone = self.alone().await?;
         let no_key = |_| Cause::field("/key", format!("there is no key {:?}", request.key));
         let key = self.get(&request.key).map_err(no_key)?;
         if key.revoked_at_ms.is_some() {
@@ -116,7 +116,7 @@ impl Keys {
 
     /// Releases a robot's name: it belongs to the key that uses it next.
     pub(crate) async fn release_robot(&self, robot: &str) -> Result<(), Cause> {
-        let _changing = self.changing.lock().await;
+        let _alone = self.alone().await?;
         if !self.robots(|robots| robots.contains_key(robot)) {
             return Err(Cause::unknown("robot", robot));
         }

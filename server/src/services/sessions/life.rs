@@ -31,7 +31,7 @@ use crate::wire::{self as convert};
 /// Interval at which expired sessions are searched.
 const SWEEP_EVERY: Duration = Duration::from_secs(1);
 /// Number of sessions per read at the start.
-const SESSIONS_PER_READ: usize = 1000;
+pub(super) const SESSIONS_PER_READ: usize = 1000;
 /// Interval at which ended sessions are deleted, unless they are kept for less.
 const FORGET_EVERY: Duration = Duration::from_secs(60);
 /// Number of ended sessions per piece, and of those deleted at once: deletions share a flush.

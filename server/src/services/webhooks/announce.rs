@@ -69,8 +69,11 @@ impl Webhooks {
         self.store.deliveries().each(|delivery| {
             orphans.insert(delivery.webhook);
         })?;
-        orphans.retain(|webhook| !self.read(|registry| registry.0.contains_key(webhook)));
         for webhook in orphans {
+            // Another server may just have made it.
+            if self.store.webhooks().find(webhook)?.is_some() {
+                continue;
+            }
             self.store.deliveries().remove_all(webhook).await?;
         }
         let since = now_ms().saturating_sub(JOBS_BEFORE_MS);
@@ -253,12 +256,12 @@ impl Webhooks {
             return Ok(());
         }
         let removed: Vec<_> = evicted.iter().map(|(hook, event, _)| (*hook, *event)).collect();
-        self.store.deliveries().add(&new, &removed, notice).await?;
+        let added = self.store.deliveries().add(&new, &removed, notice).await?;
         self.write(|registry| {
             for (hook, event, _) in &evicted {
                 registry.0.get_mut(hook).and_then(|known| known.entries.remove(event));
             }
-            for delivery in &new {
+            for delivery in added {
                 if let Some(known) = registry.0.get_mut(&delivery.webhook) {
                     known.entries.insert(delivery.event, Entry::of(delivery));
                 }

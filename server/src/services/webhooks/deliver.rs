@@ -13,6 +13,7 @@ use tokio::task::JoinSet;
 use uuid::Uuid;
 
 use super::backoff::pause;
+use super::elsewhere::{Right, TAKE_EVERY};
 use super::sender::{Message, Sent};
 use super::{GONE, Webhooks, count_end};
 use crate::clock::{self, now_ms};
@@ -34,9 +35,7 @@ const STATUS_GONE: u16 = 410;
 impl Webhooks {
     /// Announces events and delivers them until the server stops.
     pub(crate) async fn work(self: Arc<Self>, mut stopping: watch::Receiver<bool>) {
-        if let Err(error) = self.recover().await {
-            tracing::error!("Cannot take up the deliveries of webhooks: {error}");
-        }
+        let (mut right, is_shared) = (Right::default(), self.store.is_shared());
         let mut sending = JoinSet::new();
         let mut changed = self.changed.subscribe();
         while !*stopping.borrow() {
@@ -45,13 +44,19 @@ impl Webhooks {
                 tracing::error!("Cannot store the events for webhooks: {error}");
                 clock::pause(STORE_PAUSE, &mut stopping).await;
             }
-            for (webhook, event) in self.write(|registry| registry.begin(now_ms())) {
-                let webhooks = Arc::clone(&self);
-                sending.spawn(async move { webhooks.attempt(webhook, event).await });
-            }
-            let next = self.read(super::Registry::next_at);
-            let wait = next.map(|at| Duration::from_millis(at.saturating_sub(now_ms())));
-            let wait = wait.map_or(LOOK_EVERY, |wait| wait.min(LOOK_EVERY));
+            let wait = if self.sends(&mut right).await {
+                for (webhook, event) in self.write(|registry| registry.begin(now_ms())) {
+                    let webhooks = Arc::clone(&self);
+                    sending.spawn(async move { webhooks.attempt(webhook, event).await });
+                }
+                let next = self.read(super::Registry::next_at);
+                let wait = next.map(|at| Duration::from_millis(at.saturating_sub(now_ms())));
+                wait.map_or(LOOK_EVERY, |wait| wait.min(LOOK_EVERY))
+            } else {
+                TAKE_EVERY
+            };
+            // A right may be lost.
+            let wait = if is_shared { wait.min(TAKE_EVERY) } else { wait };
             tokio::select! {
                 () = self.notices.wake.notified() => {}
                 _ = changed.changed() => {}
