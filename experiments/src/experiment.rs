@@ -31,6 +31,7 @@ use crate::real_frames::{self, RealFrames};
 use crate::report::{Outcome, Progress};
 use crate::restart::{self, Restart};
 use crate::server_throughput::{self, ServerThroughput};
+use crate::several_servers::{self, SeveralServers};
 use crate::sim_to_real::{self, SimToReal};
 use crate::skins::{self, Skins};
 use crate::solid_geometry::{self, SolidGeometry};
@@ -122,6 +123,8 @@ pub enum Experiment {
     Controllers(Controllers),
     /// Readings per second through a whole server, at 1, 8 and 64 sessions.
     ServerThroughput(ServerThroughput),
+    /// The same readings through a folder and through one to three servers on a NATS cluster.
+    SeveralServers(SeveralServers),
     /// Time from a restart until the beliefs of all open sessions are answered again.
     Restart(Restart),
 }
@@ -175,6 +178,7 @@ impl Experiment {
             Self::Perturbation(config) => perturbation::run(config, progress),
             Self::Controllers(config) => controllers::run(config, progress),
             Self::ServerThroughput(config) => server_throughput::run(config, progress),
+            Self::SeveralServers(config) => several_servers::run(config, progress),
             Self::Restart(config) => restart::run(config, progress),
         }
     }

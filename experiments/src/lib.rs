@@ -27,6 +27,7 @@ pub mod letters_geometric;
 pub mod object_sessions;
 pub mod server_throughput;
 pub mod restart;
+pub mod several_servers;
 pub mod next_touch;
 pub mod object_trials;
 pub mod appearance_rules;

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use palpate_client::{Client, ClientOptions};
 use palpate_server::{Config, Server};
+use palpate_store::nats::NatsOptions;
 use tempfile::TempDir;
 
 /// A running server and a client of it.
@@ -17,8 +18,18 @@ pub(crate) struct OwnServer {
 impl OwnServer {
     /// Starts a server with an empty store.
     pub(crate) async fn start() -> anyhow::Result<Self> {
-        let folder = tempfile::Builder::new().prefix("palpate-experiment-").tempdir()?;
-        let (server, client) = serve(folder.path()).await?;
+        let folder = folder()?;
+        let (server, client) = serve(folder.path(), None).await?;
+        Ok(Self { folder, server, client })
+    }
+
+    /// Starts a server that shares the store of a NATS cluster, `nats://HOST:PORT/STREAM`.
+    pub(crate) async fn start_on(cluster: &str) -> anyhow::Result<Self> {
+        let folder = folder()?;
+        let options = NatsOptions::parse(cluster, folder.path().join("spool"))
+            .map_err(|fault| anyhow::anyhow!("{cluster}: {fault}"))?;
+        let options = NatsOptions { is_shared: true, ..options };
+        let (server, client) = serve(folder.path(), Some(options)).await?;
         Ok(Self { folder, server, client })
     }
 
@@ -27,7 +38,7 @@ impl OwnServer {
         let Self { folder, server, .. } = self;
         server.shutdown().await;
         let begun = Instant::now();
-        let (server, client) = serve(folder.path()).await?;
+        let (server, client) = serve(folder.path(), None).await?;
         Ok((Self { folder, server, client }, begun.elapsed().as_secs_f64()))
     }
 
@@ -42,10 +53,14 @@ impl OwnServer {
     }
 }
 
-async fn serve(folder: &Path) -> anyhow::Result<(Server, Client)> {
+fn folder() -> anyhow::Result<TempDir> {
+    Ok(tempfile::Builder::new().prefix("palpate-experiment-").tempdir()?)
+}
+
+async fn serve(folder: &Path, cluster: Option<NatsOptions>) -> anyhow::Result<(Server, Client)> {
     let any_port = std::net::SocketAddr::from(([127, 0, 0, 1], 0));
-    let server =
-        Server::start(Config { listen: any_port, ..Config::new(folder.join("data")) }).await?;
+    let config = Config { listen: any_port, cluster, ..Config::new(folder.join("data")) };
+    let server = Server::start(config).await?;
     let address = format!("http://{}", server.local_addr());
     Ok((server, Client::with_options(&address, ClientOptions::default())?))
 }

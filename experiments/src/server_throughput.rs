@@ -57,18 +57,18 @@ pub struct ServerThroughput {
 
 /// One way of posting.
 #[derive(Clone, Copy)]
-struct Setting {
-    robots: usize,
-    batch: usize,
-    belief: BeliefDetail,
+pub(crate) struct Setting {
+    pub(crate) robots: usize,
+    pub(crate) batch: usize,
+    pub(crate) belief: BeliefDetail,
 }
 
 /// What robots posted.
-struct Posted {
-    posted: usize,
-    seconds: f64,
+pub(crate) struct Posted {
+    pub(crate) posted: usize,
+    pub(crate) seconds: f64,
     /// Latencies of requests with readings, microseconds.
-    latency: Histogram<u64>,
+    pub(crate) latency: Histogram<u64>,
 }
 
 /// Runs the experiment against a server of its own.
@@ -189,7 +189,7 @@ async fn p99_at(
 }
 
 /// Posts about `n` readings in a closed loop.
-async fn measure(
+pub(crate) async fn measure(
     client: &Client,
     readings: &Arc<Vec<Vec<core_reading::Reading>>>,
     setting: Setting,
