@@ -1,12 +1,28 @@
-//! Contact maps: show, export, merge.
+//! Maps of a version's objects: interest points; contact maps to show, export and merge.
 
-use palpate_schemas::{CatalogueVersion, MergeMaps, OccupancyMap, PlyForm, SliceQuery};
+use palpate_schemas::{
+    CatalogueVersion, InterestMap, MergeMaps, OccupancyMap, PlyForm, SliceQuery,
+};
 
 use crate::client::Client;
 use crate::error::Error;
 use crate::request::Request;
 
 impl Client {
+    /// Returns what a touch at each place of an object of a version tells about its identity.
+    /// `object` is its id, or its name when it was trained.
+    ///
+    /// # Errors
+    /// [`Error`]; status 409 if the version was trained without surfaces.
+    pub async fn interest(
+        &self,
+        name: &str,
+        version: u32,
+        object: &str,
+    ) -> Result<InterestMap, Error> {
+        self.send(map_request(name, version, object, "interest")).await
+    }
+
     /// Returns the contact map of an object of a version, with the log-odds of the slice in
     /// `query`. `object` is its id, or its name when it was trained.
     ///

@@ -10,6 +10,7 @@
 mod candidates;
 mod footprint;
 mod information;
+pub mod interest;
 #[cfg(test)]
 mod tests;
 
@@ -17,6 +18,7 @@ use glam::DVec3;
 use thiserror::Error;
 
 use crate::belief::{PoseSample, SurfaceBelief};
+use crate::model::SurfaceMap;
 use candidates::own_approaches;
 use footprint::{ExpectedContact, Hand, Ray, meet};
 use information::{Outcome, Scatter, information};
@@ -210,27 +212,29 @@ fn outcomes(
     approach: &Approach,
     hand: &Hand,
 ) -> Vec<Outcome> {
+    let maps = belief.model().maps();
+    let of = |sample: &PoseSample| outcome(&maps[sample.object.0 as usize], sample, approach, hand);
+    samples.iter().map(of).collect()
+}
+
+/// The outcome of an approach under a sample, whose object has this map.
+fn outcome(map: &SurfaceMap, sample: &PoseSample, approach: &Approach, hand: &Hand) -> Outcome {
     let start = approach.session_from_sensor.translation;
     let direction = approach.session_from_sensor.turn(DVec3::Z);
-    let outcome = |sample: &PoseSample| {
-        let session_from_object = sample.session_from_object;
-        let object_from_session = session_from_object.inverse();
-        let ray = Ray {
-            start: (object_from_session * start).as_vec3(),
-            direction: object_from_session.turn(direction).as_vec3(),
-            reach: approach.reach as f32,
-        };
-        let map = &belief.model().maps()[sample.object.0 as usize];
-        let turn = session_from_object.rotation.as_quat();
-        let met = meet(map, &ray, hand).map(|(met, _)| ExpectedContact {
-            position: turn * (met.position - ray.start),
-            normal: turn * met.normal,
-            ..met
-        });
-        let probability = sample.probability as f32;
-        Outcome { object: sample.object, probability, met }
+    let session_from_object = sample.session_from_object;
+    let object_from_session = session_from_object.inverse();
+    let ray = Ray {
+        start: (object_from_session * start).as_vec3(),
+        direction: object_from_session.turn(direction).as_vec3(),
+        reach: approach.reach as f32,
     };
-    samples.iter().map(outcome).collect()
+    let turn = session_from_object.rotation.as_quat();
+    let met = meet(map, &ray, hand).map(|(met, _)| ExpectedContact {
+        position: turn * (met.position - ray.start),
+        normal: turn * met.normal,
+        ..met
+    });
+    Outcome { object: sample.object, probability: sample.probability as f32, met }
 }
 
 /// The probability of a contact if the object is a known one.

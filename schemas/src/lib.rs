@@ -16,6 +16,7 @@ pub mod method;
 pub mod page;
 pub mod pose;
 pub mod next_touch;
+pub mod interest;
 pub mod problem;
 pub mod reading;
 pub mod camera;
@@ -81,6 +82,7 @@ pub use history::{
     ObjectionCode, ReadingContribution, ReadingMisfit, ReadingRetracted, Replay, ReplayQuery,
     ReplayStep, SessionChange, SessionReading, SessionReadingPage, TracePoint,
 };
+pub use interest::{InterestMap, InterestPlace, InterestRival};
 pub use job::{Job, JobPage, JobStage, JobState};
 pub use labels::{LabelledQuery, Labels, SetLabels};
 pub use layout::{Drawing, Layout, Taxel};

@@ -86,6 +86,7 @@ pub(crate) const TABLE: &[(&str, Who, Effect)] = &[
     ("get_report", ALL, Reads),
     ("get_appearance_report", ALL, Reads),
     ("get_object_map", ALL, Reads),
+    ("get_interest", ALL, Reads),
     ("get_occupancy", ALL, Reads),
     ("get_occupancy_png", ALL, Reads),
     ("get_occupancy_ply", ALL, Reads),

@@ -63,6 +63,7 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(training::get_report))
         .routes(routes!(training::get_appearance_report))
         .routes(routes!(training::get_object_map))
+        .routes(routes!(maps::get_interest))
         .routes(routes!(maps::get_occupancy))
         .routes(routes!(maps::get_occupancy_png))
         .routes(routes!(maps::get_occupancy_ply))

@@ -21,6 +21,7 @@ mod layout;
 pub(crate) mod life;
 pub(crate) mod misfit;
 pub(crate) mod history;
+pub(crate) mod interest;
 pub(crate) mod next_touch;
 pub(crate) mod object;
 pub(crate) mod reading;

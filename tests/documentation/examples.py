@@ -228,6 +228,7 @@ def tell(story: Story, palpate: str, folder: Path) -> None:
     for operation, query in (("get_occupancy", "?slice=8"), ("get_occupancy_png", ""), ("get_occupancy_ply", "?form=points")):
         story.tell(operation, query, name="lab")
     story.tell("get_object_map", "?limit=2", name="lab")
+    story.tell("get_interest", name="lab")
     story.tell("get_appearance_report", name="lab")
     story.tell("merge_maps", name="lab")
 

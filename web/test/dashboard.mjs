@@ -102,12 +102,25 @@ await step("a training is started, and its progress followed", async () => {
   assert.equal((await json("/v1/catalogues/default/current")).version, 1);
 });
 
-await step("an object shows its surface, classes and map of contact", async () => {
+await step("an object shows its surface, classes, what a touch tells and its map of contact", async () => {
   await page.getByRole("link", { name: "mug", exact: true }).click();
   await page.locator('.stage[data-state="ready"]').waitFor();
   await page.getByText("200 touches").waitFor();
   await page.getByRole("button", { name: "Appearance classes" }).click();
   await page.getByText(/classes of 25 here/).waitFor();
+  const tells = page.getByRole("button", { name: "What a touch tells" });
+  await tells.focus();
+  await page.keyboard.press("Enter");
+  await page.getByText(/about which of 3 objects it is, of at most 1.58 bit/).waitFor({ timeout: 30_000 });
+  const interest = await json("/v1/catalogues/default/versions/1/objects/mug/interest");
+  await page.getByText("Information as tables").click();
+  const best = Math.max(...interest.places.map((place) => place.bits)).toFixed(2);
+  assert.equal(await page.getByRole("region", { name: "Places that tell most" }).locator("td").first().textContent(), best);
+  await page.getByRole("img", { name: /mug, what a touch tells over its surface/ }).waitFor();
+  await checkAxe(page, "what a touch tells");
+  await shot("interest");
+  await page.getByText("Information as tables").click();
+  await page.getByRole("button", { name: "Appearance classes" }).click();
   const slice = page.getByLabel(/^Slice/);
   await slice.focus();
   const before = await page.locator("img.heatmap").getAttribute("src");

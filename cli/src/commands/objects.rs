@@ -1,5 +1,7 @@
 //! `palpate objects`: objects, their meshes and training readings.
 
+mod interest;
+
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
@@ -70,6 +72,8 @@ enum Action {
         /// Id or name of the object.
         object: String,
     },
+    /// Show where a touch tells most about which object it is.
+    Interest(interest::InterestArgs),
     /// Training readings of an object.
     Readings {
         #[command(subcommand)]
@@ -171,6 +175,7 @@ pub(crate) async fn run(args: ObjectsArgs, context: &Context) -> anyhow::Result<
             output.say(format!("removed object {object}"));
             Ok(())
         }
+        Action::Interest(args) => interest::run(args, context).await,
         Action::Readings { action } => readings(action, context).await,
         Action::Example { name, all, out, .. } => {
             let names: Vec<&str> = match &name {

@@ -229,8 +229,11 @@ impl Component {
     /// doubt or, if another component leads, of the likeliest few.
     fn propose_in_doubt(&mut self, common: &Common, leads: bool) {
         let (n, options) = (self.touches.len(), &common.options);
+        let probabilities = posterior(common, &self.explained());
+        let share = self.share_of_best_pose(common, &probabilities);
+        // An object may be left behind for a better one, but not for one that is itself rejected.
+        let is_rejected = probabilities.last().is_some_and(|unknown| *unknown > LIKELY);
         let poor = self.is_poor(common);
-        let share = self.share_of_best_pose(common);
         if !poor && n >= CERTAIN_FROM && share >= options.certain {
             return;
         }
@@ -245,7 +248,7 @@ impl Component {
         }
         let budget = &options.budget;
         let is_large = common.model.joint_pairs().is_some();
-        let n_partners = match (is_large, poor, share > LIKELY) {
+        let n_partners = match (is_large, poor || is_rejected, share > LIKELY) {
             (_, false, true) => budget.partners_if_likely,
             (true, _, _) => budget.many.partners,
             (false, true, _) => budget.partners_if_poor,
@@ -254,7 +257,8 @@ impl Component {
         let partners = partners(&self.touches, n_partners);
         let shares = self.retrieve(common, &partners, poor);
         let asked = in_turn(&partners, shares.as_deref(), n, options);
-        let reach = if poor { f64::INFINITY } else { f64::from(options.score.drop_between) };
+        let reach =
+            if poor || is_rejected { f64::INFINITY } else { f64::from(options.score.drop_between) };
         let is_open = poor || share <= LIKELY;
         let least = is_large.then(|| {
             let n_objects = n_searched(&self.objects);
@@ -326,9 +330,8 @@ impl Component {
     }
 
     /// The probability of the likeliest object in its likeliest pose, or in one that looks alike.
-    fn share_of_best_pose(&self, common: &Common) -> f64 {
-        let probabilities = posterior(common, &self.explained());
-        let shares = self.objects.iter().zip(&probabilities).enumerate();
+    fn share_of_best_pose(&self, common: &Common, probabilities: &[f64]) -> f64 {
+        let shares = self.objects.iter().zip(probabilities).enumerate();
         let Some((object, (belief, p))) = shares.max_by(|a, b| a.1.1.total_cmp(b.1.1)) else {
             return 0.0;
         };

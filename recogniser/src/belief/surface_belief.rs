@@ -364,6 +364,7 @@ impl SurfaceBelief {
 }
 
 mod examined;
+mod patches;
 mod questions;
 mod stating;
 #[cfg(test)]

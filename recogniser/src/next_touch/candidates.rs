@@ -88,13 +88,40 @@ fn directed(map: &SurfaceMap, sample: &PoseSample, stream: &mut Stream) -> Appro
 
 /// Whether another part of the surface lies before a point of it along its way out.
 fn is_hidden(map: &SurfaceMap, target: DVec3, outward: DVec3) -> bool {
+    hidden_by(map, target, outward).is_some()
+}
+
+/// Distance (m) from a point of the surface along its way out to the nearest other part of the
+/// surface; `None` if the way is free.
+pub(super) fn hidden_by(map: &SurfaceMap, target: DVec3, outward: DVec3) -> Option<f64> {
     let (target, outward) = (target.as_vec3(), outward.as_vec3());
-    map.patches().iter().any(|patch| {
+    let ahead = map.patches().iter().filter_map(|patch| {
         let off = patch.position - target;
         let ahead = off.dot(outward);
         let beside = off - ahead * outward;
-        ahead > AHEAD_MIN && beside.length_squared() < (BESIDE_SPACINGS * map.spacing()).powi(2)
-    })
+        let is_near = beside.length_squared() < (BESIDE_SPACINGS * map.spacing()).powi(2);
+        (ahead > AHEAD_MIN && is_near).then_some(ahead)
+    });
+    ahead.reduce(f32::min).map(f64::from)
+}
+
+/// A straight way from outside an object to a point of it and on, metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Way {
+    /// Distance of its beginning from the point.
+    pub(super) stand_off: f64,
+    /// Its length, as far beyond the object on the other side.
+    pub(super) reach: f64,
+}
+
+/// The way to a point of an object against the direction `outward`.
+pub(super) fn way_to(map: &SurfaceMap, target: DVec3, outward: DVec3) -> Way {
+    let radius = f64::from(radius_of(map));
+    // Where the way out leaves the ball about the object: |target + s·outward| = radius.
+    let along = target.dot(outward);
+    let within = (along * along + radius * radius - target.length_squared()).max(0.0);
+    let leaves = within.sqrt() - along;
+    Way { stand_off: leaves + CLEARANCE, reach: CLEARANCE + 2.0 * within.sqrt() + CLEARANCE }
 }
 
 /// A blind approach: past the centre of an object from a random direction.
@@ -113,18 +140,13 @@ fn toward(
     outward: DVec3,
     stream: &mut Stream,
 ) -> Approach {
-    let radius = f64::from(radius_of(map));
-    // Where the way out leaves the ball about the object: |target + s·outward| = radius.
-    let along = target.dot(outward);
-    let within = (along * along + radius * radius - target.length_squared()).max(0.0);
-    let leaves = within.sqrt() - along;
-    let stand_off = leaves + CLEARANCE;
+    let Way { stand_off, reach } = way_to(map, target, outward);
     let roll = DQuat::from_rotation_z(stream.uniform(0.0, TAU));
     let facing = DQuat::from_rotation_arc(DVec3::Z, -outward) * roll;
     let object_from_sensor = Pose::from_parts(facing, target + stand_off * outward);
     Approach {
         session_from_sensor: sample.session_from_object * object_from_sensor,
-        reach: CLEARANCE + 2.0 * within.sqrt() + CLEARANCE,
+        reach,
         cost: None,
     }
 }

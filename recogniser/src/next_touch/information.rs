@@ -93,6 +93,14 @@ pub(super) fn information(outcomes: &[Outcome], unknown: f32, scatter: &Scatter)
     Bits { identity: bits.identity.max(0.0), pose: bits.pose.max(0.0) }
 }
 
+/// The information on the identity, bits, if one of several objects is the true one and all were
+/// equally probable: `alike` has the likeness of the outcome under each other object to its own.
+/// Equation R27a of docs/recogniser.md, and the term of one sample in [`information`].
+pub(super) fn bits_if_true(alike: &[f32]) -> f64 {
+    let total: f64 = alike.iter().map(|alike| f64::from(*alike)).sum();
+    ((1.0 + alike.len() as f64) / (1.0 + total)).log2()
+}
+
 /// The probability of the object whose outcomes come first.
 fn share_of(outcomes: &[Outcome], object: ObjectIdx) -> f32 {
     outcomes.iter().take_while(|o| o.object == object).map(|o| o.probability).sum()
@@ -101,7 +109,7 @@ fn share_of(outcomes: &[Outcome], object: ObjectIdx) -> f32 {
 /// The Bhattacharyya coefficient of two outcomes, 1 for equal ones. Equation R26 of
 /// docs/recogniser.md.
 #[inline]
-fn alike(a: &Outcome, b: &Outcome, scatter: &Scatter) -> f32 {
+pub(super) fn alike(a: &Outcome, b: &Outcome, scatter: &Scatter) -> f32 {
     let miss = ((1.0 - a.contact()) * (1.0 - b.contact())).sqrt();
     let (Some(met), Some(other)) = (&a.met, &b.met) else { return miss.max(ALIKE_MIN) };
     let place = met.position.distance_squared(other.position) / scatter.position.powi(2);

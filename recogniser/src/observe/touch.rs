@@ -6,7 +6,8 @@
 
 use glam::{DVec2, DVec3, Mat3};
 
-use crate::model::agreement::{Feature, N_AXES};
+use crate::model::SurfacePatch;
+use crate::model::agreement::{Feature, N_AXES, unstored};
 use crate::model::appearance::AppearanceSpace;
 use palpate_core::contact::touches;
 use palpate_core::contact::{CONTACT_SHARE, center_of_pressure};
@@ -85,6 +86,21 @@ pub struct Touch {
 }
 
 impl Touch {
+    /// The even press that a training learnt as a patch, in the object frame.
+    pub(crate) fn of_patch(patch: &SurfacePatch) -> Self {
+        Self {
+            position: patch.position.as_dvec3(),
+            normal: patch.normal.as_dvec3(),
+            direction: patch.direction.as_dvec3(),
+            sensor_x: patch.direction.as_dvec3(),
+            elongation: f64::from(patch.elongation),
+            evenness: 1.0,
+            feature: unstored(&patch.feature),
+            point: None,
+            looseness: 0.0,
+        }
+    }
+
     /// Standard deviation (m) of its place in each direction that is its own: that of a contact
     /// without an image, and of the passport.
     pub(crate) fn own_deviation(&self) -> f64 {

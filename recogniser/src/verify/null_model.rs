@@ -8,7 +8,6 @@ use glam::{DVec3, Quat};
 use rayon::prelude::*;
 
 use super::density::Kernel;
-use crate::model::agreement::unstored;
 use crate::model::appearance::AppearanceSpace;
 use crate::model::{SurfaceMap, SurfaceModel};
 use crate::observe::inverse_pose::InversePose;
@@ -120,17 +119,10 @@ pub(crate) fn self_match(
     let pose = InversePose::new(Quat::IDENTITY, glam::Vec3::ZERO);
     let score = |sample: usize| {
         let index = sample * patches.len() / n;
-        let patch = &patches[index];
-        let touch = Touch {
-            sensor_x: patch.direction.as_dvec3(),
-            position: patch.position.as_dvec3(),
-            normal: patch.normal.as_dvec3(),
-            direction: patch.direction.as_dvec3(),
-            elongation: if point.is_none() { f64::from(patch.elongation) } else { 0.0 },
-            evenness: 1.0,
-            feature: unstored(&patch.feature),
-            point,
-            looseness: 0.0,
+        let whole = Touch::of_patch(&patches[index]);
+        let touch = match point {
+            None => whole,
+            Some(_) => Touch { elongation: 0.0, point, ..whole },
         };
         let observation = Observation::new(&touch, DVec3::ZERO, space, &options.scale);
         kernel.score_without(map, &pose, &observation, index)

@@ -1,10 +1,13 @@
-//! `/v1/catalogues/{name}/versions/{version}/objects/{object}/occupancy`, and merging contact maps.
+//! `/v1/catalogues/{name}/versions/{version}/objects/{object}`: interest points and contact maps, and
+//! merging contact maps.
 
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use palpate_schemas::{CatalogueVersion, MergeMaps, OccupancyMap, PlyQuery, SliceQuery};
+use palpate_schemas::{
+    CatalogueVersion, InterestMap, MergeMaps, OccupancyMap, PlyQuery, SliceQuery,
+};
 
 use crate::app::App;
 use crate::etag;
@@ -14,6 +17,26 @@ use crate::routes::documented::{Conflict, MapFile};
 
 /// Cache policy of answers that never change: one year.
 const IMMUTABLE: &str = "private, max-age=31536000, immutable";
+
+/// Get where a touch tells most about an object
+///
+/// Returns at most 500 places of the object's surface, each with the expected information of a touch
+/// there on the object's identity, in bits. The object is compared with all others of the version,
+/// or with the 31 that its touches resemble most, each in the poses in which it looks most like the
+/// object, and all equally probable. It is computed on the first request and then kept for a while; equal
+/// versions give equal answers. 409 if the version was trained without surfaces.
+#[utoipa::path(get, path = "/v1/catalogues/{name}/versions/{version}/objects/{object}/interest",
+    operation_id = "get_interest", tag = "training",
+    params(("name" = String, Path, description = "The catalogue's name"),
+        ("version" = u32, Path, description = "The version's number"),
+        ("object" = String, Path, description = "The object's id, or its name when trained")),
+    responses((status = 200, description = "The places", body = InterestMap), Conflict))]
+pub(crate) async fn get_interest(
+    State(app): State<App>,
+    Segments((name, version, object)): Segments<(String, String, String)>,
+) -> Result<Json<InterestMap>, Refusal> {
+    Ok(Json(app.catalogues.interest(&name, &version, &object).await?))
+}
 
 /// Get an object's contact map
 ///

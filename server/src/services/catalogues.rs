@@ -5,6 +5,7 @@
 
 mod aliases;
 mod elsewhere;
+mod interest;
 mod loading;
 mod maps;
 mod memory;
@@ -29,6 +30,7 @@ use crate::limits::megabytes;
 use crate::model::{Model, NoPart};
 use crate::wire::training::Unreadable;
 use crate::wire::{appearance, cursor, labels, page_id, page_length, page_number, training};
+use interest::Interests;
 use loading::Key;
 use memory::Memory;
 
@@ -46,6 +48,7 @@ pub(crate) struct Catalogues {
     /// The memory budget of geometric look-up tables.
     tables: Arc<TableBudget>,
     loading: tokio::sync::Mutex<()>,
+    interests: Interests,
     /// Damaged versions, with the reasons.
     damaged: DashMap<(Uuid, u32), String>,
     /// Read-locked by operations that start to need a version, write-locked by removals.
@@ -120,6 +123,7 @@ impl Catalogues {
             memory,
             tables,
             loading: tokio::sync::Mutex::new(()),
+            interests: Interests::new(),
             damaged: DashMap::new(),
             using: tokio::sync::RwLock::new(()),
             publishing: tokio::sync::Mutex::new(()),

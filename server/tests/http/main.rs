@@ -20,6 +20,7 @@ mod geometry;
 mod harness;
 mod headers;
 mod history;
+mod interest;
 mod keeping;
 mod keys;
 mod knowledge;

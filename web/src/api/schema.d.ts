@@ -327,6 +327,30 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/catalogues/{name}/versions/{version}/objects/{object}/interest": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get where a touch tells most about an object
+         * @description Returns at most 500 places of the object's surface, each with the expected information of a touch
+         *     there on the object's identity, in bits. The object is compared with all others of the version,
+         *     or with the 31 that its touches resemble most, each in the poses in which it looks most like the
+         *     object, and all equally probable. It is computed on the first request and then kept for a while; equal
+         *     versions give equal answers. 409 if the version was trained without surfaces.
+         */
+        get: operations["get_interest"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/catalogues/{name}/versions/{version}/objects/{object}/map": {
         parameters: {
             query?: never;
@@ -3103,6 +3127,57 @@ export interface components {
             rows_reversed?: boolean;
             /** @description Whether the driver sends columns as rows. */
             transposed?: boolean;
+        };
+        /** @description What a touch at each place of an object tells about its identity. */
+        InterestMap: {
+            /**
+             * Format: double
+             * @description Bits of a touch that no rival could give: log₂ of the number of rivals and the object. No
+             *     place has more.
+             */
+            bits_max: number;
+            /**
+             * Format: uuid
+             * @description The object's id.
+             */
+            id: string;
+            /** @description The object's name when it was trained. */
+            name: string;
+            /** @description Places of the surface, spread evenly. */
+            places: components["schemas"]["InterestPlace"][];
+            /**
+             * @description The objects that the object is compared with, most alike first; empty in a version of one
+             *     object.
+             */
+            rivals: components["schemas"]["InterestRival"][];
+        };
+        /** @description A place of an object's surface, in the object frame. */
+        InterestPlace: {
+            /**
+             * Format: double
+             * @description Expected information of a touch there on the identity, in bits, once the poses are known and
+             *     the object and its rivals are equally probable.
+             */
+            bits: number;
+            /** @description Outward normal, a unit vector. */
+            normal: number[];
+            /** @description Position in metres. */
+            position: number[];
+        };
+        /** @description An object that another one is compared with. */
+        InterestRival: {
+            /**
+             * Format: uuid
+             * @description Its id.
+             */
+            id: string;
+            /**
+             * Format: double
+             * @description Mean likeness of a touch of the object to one of the rival at the same place, 0.01 to 1.
+             */
+            likeness: number;
+            /** @description Its name when it was trained. */
+            name: string;
         };
         /** @description A job: a training, a recalibration, or a comparison of two versions. */
         Job: {
@@ -10918,6 +10993,249 @@ export interface operations {
                      *       "status": 507,
                      *       "title": "Storage full",
                      *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    get_interest: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /**
+                 * @description The catalogue's name
+                 * @example default
+                 */
+                name: string;
+                /**
+                 * @description The version's number
+                 * @example 1
+                 */
+                version: number;
+                /**
+                 * @description The object's id, or its name when trained
+                 * @example mug
+                 */
+                object: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The places */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "bits_max": 1,
+                     *       "id": "01a216ae-5a02-757e-b81c-bb5933cb0345",
+                     *       "name": "mug",
+                     *       "places": [
+                     *         {
+                     *           "bits": 0.365437,
+                     *           "normal": [
+                     *             -0.998515,
+                     *             0.0505955,
+                     *             -0.0201751
+                     *           ],
+                     *           "position": [
+                     *             -0.0302934,
+                     *             0.00133983,
+                     *             0.00398707
+                     *           ]
+                     *         },
+                     *         {
+                     *           "bits": 0.927374,
+                     *           "normal": [
+                     *             0.995834,
+                     *             0.084673,
+                     *             -0.0338268
+                     *           ],
+                     *           "position": [
+                     *             0.0466779,
+                     *             0.000221894,
+                     *             0.00238614
+                     *           ]
+                     *         },
+                     *         {
+                     *           "bits": 0.872786,
+                     *           "normal": [
+                     *             0.0232275,
+                     *             -0.110734,
+                     *             0.993579
+                     *           ],
+                     *           "position": [
+                     *             0.00757545,
+                     *             -0.024404,
+                     *             0.0351836
+                     *           ]
+                     *         }
+                     *       ],
+                     *       "rivals": [
+                     *         {
+                     *           "id": "01a216ae-5a0a-7106-a8c5-7a2e9471c7c6",
+                     *           "likeness": 0.129224,
+                     *           "name": "hammer"
+                     *         }
+                     *       ]
+                     *     }
+                     */
+                    "application/json": components["schemas"]["InterestMap"];
+                };
+            };
+            /** @description The API key is missing or not valid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/interest",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/interest",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Nothing has this id or name */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/interest",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The request conflicts with the current state, or its name or number is taken */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/interest",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
+            429: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/interest",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal error, or the stored data is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/interest",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
+            503: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/interest",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];

@@ -2,7 +2,7 @@
 import { useMemo, useState } from "preact/hooks";
 import { getAll, getJson, sendJson } from "../api/http";
 import { useResource } from "../api/resource";
-import type { Catalogue, CatalogueVersion, MapPatch, ObjectInfo } from "../api/types";
+import type { Catalogue, CatalogueVersion, InterestMap, MapPatch, ObjectInfo } from "../api/types";
 import { objectColor } from "../colors";
 import { bytes, classColor, count, dark, plural, symmetryWords, when } from "../format";
 import { ProblemNote, Show } from "../parts/Notes";
@@ -16,10 +16,14 @@ import type { Vector } from "../scene/vectors";
 import { mapOf, meshOf, touchesOf } from "../session/shapes";
 import { may } from "../signin";
 import { DropZone } from "./DropZone";
+import { points, valued } from "./interest";
+import { InterestNote } from "./InterestNote";
 import { OccupancyPanel } from "./OccupancyPanel";
 
 /** The layer drawn on the surface. */
-type Layer = "nothing" | "touches" | "classes";
+type Layer = "nothing" | "touches" | "classes" | "interest";
+
+const LAYER_WORDS = { nothing: "nothing", touches: "training touches", classes: "appearance classes", interest: "what a touch tells" };
 
 export function ObjectView({ id }: { id: string }) {
   const object = useResource(`object ${id}`, (signal) => getJson<ObjectInfo>(`/v1/objects/${encodeURIComponent(id)}`, signal));
@@ -83,17 +87,28 @@ function SurfacePanel({ object, version }: { object: ObjectInfo; version: Catalo
   const [layer, setLayer] = useState<Layer>("touches");
   const [mesh, setMesh] = useState(true);
   const surface = useResource(`surface of ${object.id} ${object.mesh?.hash} ${version ? key(version) : ""}`, () => surfaceOf(object, version));
+  const interestPath = version && `/v1/catalogues/${encodeURIComponent(version.catalogue)}/versions/${version.version}/objects/${object.id}/interest`;
+  const canTell = (version?.report.surface_bytes ?? 0) > 0;
+  const interest = useResource(interestPath !== undefined && canTell && layer === "interest" ? interestPath : null, (signal) => getJson<InterestMap>(interestPath!, signal));
   const data = surface.data;
+  const isTold = layer === "interest" && (interest.data?.rivals.length ?? 0) > 0;
+  const told = isTold ? interest.data : undefined;
   const isDark = dark.value;
   const content = useMemo((): Content => {
     const bodies = data ? [{ shape: data.shape, pose: IDENTITY, hideMesh: !mesh }] : [];
-    return { bodies, touches: [], approaches: [], patches: data ? patches(data, layer) : [] };
-  }, [data, layer, mesh, isDark]);
+    const isPainted = mesh && data?.shape.mesh !== undefined;
+    const marks = data ? patches(data, layer) : [];
+    return {
+      bodies, touches: [], approaches: [],
+      patches: told && data && !isPainted ? points(told) : marks,
+      ...(told && isPainted ? { heat: valued(told) } : {}),
+    };
+  }, [data, told, layer, mesh, isDark]);
   const nClasses = new Set(data?.map.map((patch) => patch.class)).size;
   return (
     <Panel title="Surface" aside={data && <span>{plural(data.map.length || data.touches.length, "touch", "touches")}</span>}>
       {surface.problem && <ProblemNote problem={surface.problem} retry={surface.reload} />}
-      <Stage3D content={content} label={`${object.name}, ${layer === "classes" ? "appearance classes" : "training touches"} over its surface`}
+      <Stage3D content={content} label={`${object.name}, ${LAYER_WORDS[layer]} over its surface`}
         note="object frame, origin at the centroid · drag, two fingers or arrow keys rotate" />
       <div class="layers" role="group" aria-label="Layers">
         <button type="button" aria-pressed={mesh} disabled={!object.mesh} onClick={() => setMesh(!mesh)}>Mesh</button>
@@ -104,8 +119,13 @@ function SurfacePanel({ object, version }: { object: ObjectInfo; version: Catalo
           onClick={() => setLayer(layer === "classes" ? "nothing" : "classes")}>
           Appearance classes
         </button>
+        <button type="button" aria-pressed={layer === "interest"} disabled={!canTell}
+          onClick={() => setLayer(layer === "interest" ? "nothing" : "interest")}>
+          What a touch tells
+        </button>
         {layer === "classes" && <span class="key">{plural(nClasses, "class", "classes")} of {version?.report.n_classes} here, each a colour</span>}
       </div>
+      {layer === "interest" && <InterestNote of={interest} />}
       {data && data.map.length > 0 && <ClassTable patches={data.map} />}
     </Panel>
   );
@@ -169,7 +189,7 @@ async function surfaceOf(object: ObjectInfo, version: CatalogueVersion | undefin
 }
 
 function patches({ map, touches }: Surface, layer: Layer): SurfacePoint[] {
-  if (layer === "nothing") return [];
+  if (layer === "nothing" || layer === "interest") return [];
   const plain = dark.value ? "#53c1de" : "#0b6e8a";
   if (map.length === 0) return touches.map((touch) => ({ ...touch, color: plain }));
   return map.map((patch) => ({

@@ -1,17 +1,21 @@
 // Objects as solids, ghosts and discs, and the points that must be in view.
 import {
   BufferAttribute, BufferGeometry, CircleGeometry, Color, DoubleSide, Group, InstancedMesh, Matrix4, Mesh, MeshBasicMaterial,
-  MeshStandardMaterial, Quaternion, Vector3,
+  MeshStandardMaterial, Quaternion, SRGBColorSpace, Vector3,
 } from "three";
 import type { Object3D } from "three";
 import type { Body, Content, SurfacePoint, TouchMark } from "./content";
-import { apartness, type Press, touchedShare } from "./coverage";
+import { heat } from "../format";
+import { apartness, type Press, surfaceArea, touchedShare } from "./coverage";
 import { fineGeometryOf, geometryOf } from "./geometry";
+import { carried, type Valued } from "./heat";
 import type { Theme } from "./studio";
 import { outline, roundLength } from "./view";
 import type { Vector } from "./vectors";
 
 const Z = new Vector3(0, 0, 1);
+/** Width of the mean over places of a heat map, in spacings of the places. */
+const HEAT_SPACINGS = 0.6;
 
 /** Draws a body; `geometry` replaces that of its shape. */
 export function drawBody(body: Body, theme: Theme, radius: number, geometry = geometryOf(body.shape)): Group {
@@ -80,6 +84,35 @@ function coveredPoints(body: Body, presses: Press[], theme: Theme, radius: numbe
   const tinted = points.map((point, i) => (apart[i]! <= 1 ? point : { ...point, color: untouched }));
   const near = apart.filter((one) => one <= 1).length;
   return { drawn: drawBody({ ...body, shape: { ...body.shape, points: tinted } }, theme, radius), share: points.length === 0 ? 0 : near / points.length };
+}
+
+/** Draws a body whose mesh is coloured by places with values from 0 to 1; without a mesh it stays plain. */
+export function drawHeated(body: Body, places: Valued[], theme: Theme, radius: number): Group {
+  const coarse = geometryOf(body.shape);
+  if (coarse === undefined || places.length === 0) return drawBody(body, theme, radius);
+  const spacing = Math.sqrt(surfaceArea(coarse.getAttribute("position").array) / places.length);
+  const fine = fineGeometryOf(body.shape, roundLength(spacing))!;
+  const [positions, normals] = [fine.getAttribute("position"), fine.getAttribute("normal")];
+  const values = carried(positions.array, normals.array, places, HEAT_SPACINGS * spacing);
+  const colors = new Float32Array(3 * values.length);
+  const color = new Color();
+  values.forEach((value, i) => {
+    if (Number.isNaN(value)) color.copy(theme.body);
+    else color.setRGB(...(heat(value).map((part) => part / 255) as Vector), SRGBColorSpace);
+    color.toArray(colors, 3 * i);
+  });
+  const geometry = new BufferGeometry();
+  geometry.setAttribute("position", positions);
+  geometry.setAttribute("normal", normals);
+  geometry.setAttribute("color", new BufferAttribute(colors, 3));
+  const drawn = drawBody(body, theme, radius, geometry);
+  drawn.traverse((node) => {
+    if (!(node instanceof Mesh)) return;
+    const material = node.material as MeshStandardMaterial;
+    material.color.set("#ffffff");
+    material.vertexColors = true;
+  });
+  return drawn;
 }
 
 /** Touches with contact, in the frame of a body. */

@@ -1,5 +1,6 @@
 // Content of a scene as plain data, from views to the 3-D chunk.
 import type { Pose } from "../api/types";
+import type { Valued } from "./heat";
 import type { Vector } from "./vectors";
 
 /** Shape of an object in its own frame: a mesh file, or points without one. */
@@ -55,6 +56,8 @@ export interface Content {
   approaches: ApproachMark[];
   /** Patches on the surface, in the frame of the first body. */
   patches: SurfacePoint[];
+  /** Places of the first body with values from 0 to 1, which colour its mesh. */
+  heat?: Valued[];
   /** A pose with its 6 × 6 covariance, in the order of ROS, drawn as an ellipsoid and cones. */
   uncertain?: { pose: Pose; covariance: number[] };
   /** Touches whose surroundings on the first body are not tinted; undefined tints nothing. */

@@ -4,7 +4,7 @@ import {
   WebGLRenderer,
 } from "three";
 import type { Material } from "three";
-import { type Covered, discs, drawBody, drawCovered, place, pointsInView } from "./bodies";
+import { type Covered, discs, drawBody, drawCovered, drawHeated, place, pointsInView } from "./bodies";
 import { type Commands, control, type Controlled } from "./control";
 import type { ApproachMark, Content, TouchMark } from "./content";
 import { approachMark, haloMark, markSize, touchMarks, uncertaintyMark } from "./marks";
@@ -94,6 +94,8 @@ export class Stage implements Commands {
       if (body === first && content.covering && !body.hideMesh) {
         covered = drawCovered(body, content.covering, this.theme, radius);
         this.content.add(covered.drawn);
+      } else if (body === first && content.heat && !body.hideMesh) {
+        this.content.add(drawHeated(body, content.heat, this.theme, radius));
       } else this.content.add(drawBody(body, this.theme, radius));
     }
     if (content.patches.length > 0) {

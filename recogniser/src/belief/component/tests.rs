@@ -1,6 +1,10 @@
 //! Tests of proposals by a component, and of the evidence of two touches.
 
+use std::sync::Arc;
+
 use super::*;
+use crate::belief::posterior::log_posterior;
+use crate::model::SurfaceModel;
 use crate::observe::touch::Touch;
 use crate::options::SurfaceOptions;
 use crate::propose::proposals::PairEvidence;
@@ -45,6 +49,39 @@ fn an_unsteady_touch_proposes_nothing_once_poses_are_good() {
     assert!(after(1.0, true), "two objects are as likely");
     assert!(!after(0.2, true), "the next touch will do");
     assert!(after(0.2, false), "there is nothing else to go by");
+}
+
+#[test]
+fn a_rejected_object_keeps_no_other_from_the_search() {
+    let first = places(200, 0);
+    let model = model_of(&[first.clone(), first.clone()]);
+    // The first object explains five touches well, the second is 45 behind and has no pose.
+    let found_at = |log_odds_of_none: f64| {
+        let options = SurfaceOptions::default();
+        let mut calibration = model.calibration;
+        let component_of = |common: &Common| {
+            let touched: Vec<&Touch> = (1..=5).map(|n| &first[20 * n]).collect();
+            let mut component = observed(common, &touched);
+            let (rotation, translation) = single(&some_pose(6));
+            let hypotheses = vec![Hypothesis::new(rotation, translation, 45.0)];
+            let known = ObjectBelief { hypotheses, log_evidence: 45.0, ..ObjectBelief::new(0.0) };
+            component.conclude(Stage::Poses, vec![known, ObjectBelief::new(0.0)]);
+            component
+        };
+        let common = Common::new(Arc::clone(&model), options, None).unwrap();
+        let logs = log_posterior(&common, &component_of(&common).explained());
+        let stage = &mut calibration.stages[2];
+        stage.unknown += stage.temperature * (log_odds_of_none - (logs[2] - logs[0]));
+        let model = Arc::new(SurfaceModel::clone(&model).with_calibration(calibration));
+        let common = Common::new(model, options, None).unwrap();
+        let mut component = component_of(&common);
+        assert!(!component.is_poor(&common));
+        component.propose_in_doubt(&common, true);
+        let best = component.objects[1].hypotheses.first();
+        best.is_some_and(|h| error(h.rotation, h.translation, &some_pose(5)).0 < 0.003)
+    };
+    assert!(!found_at(-2.0), "the first object is likely: the second is left behind");
+    assert!(found_at(2.0), "none of these is likely: every object is searched");
 }
 
 #[test]
