@@ -83,7 +83,7 @@ pub(crate) async fn run(
     Ok(())
 }
 
-fn start(command: &Path, data: &Path, access: Access) -> anyhow::Result<Serving> {
+pub(crate) fn start(command: &Path, data: &Path, access: Access) -> anyhow::Result<Serving> {
     match Serving::start(command, data, access)? {
         Ok(serving) => Ok(serving),
         Err(refused) => bail!("the server does not start: {}", refused.0),
@@ -163,7 +163,7 @@ pub(crate) async fn ended(http: &Client, url: &str, job: &str) -> String {
     }
 }
 
-async fn check_all(
+pub(crate) async fn check_all(
     robots: &mut [Robot],
     url: &str,
     all: bool,
@@ -178,7 +178,7 @@ async fn check_all(
 }
 
 /// Folds the readings of some sessions again on the uninterrupted server.
-async fn compare_beliefs(
+pub(crate) async fn compare_beliefs(
     robots: &[Robot],
     serving: &Serving,
     calm: &Serving,
@@ -231,7 +231,12 @@ async fn uninterrupted(http: &Client, url: &str, session: &Session) -> Option<Va
 }
 
 /// Checks that every job ends, and that versions of successful ones can be used.
-async fn check_models(robots: &[Robot], url: &str, counts: &mut Counts, say: &dyn Fn(String)) {
+pub(crate) async fn check_models(
+    robots: &[Robot],
+    url: &str,
+    counts: &mut Counts,
+    say: &dyn Fn(String),
+) {
     for robot in robots {
         let mut n_succeeded = 0;
         for job in &robot.ledger.jobs {
@@ -269,7 +274,7 @@ async fn check_models(robots: &[Robot], url: &str, counts: &mut Counts, say: &dy
     }
 }
 
-fn note(robots: &[Robot], counts: &mut Counts) {
+pub(crate) fn note(robots: &[Robot], counts: &mut Counts) {
     counts.acknowledged = robots.iter().map(|robot| robot.ledger.acknowledged).sum();
     counts.unanswered = robots.iter().map(|robot| robot.ledger.unanswered).sum();
     counts.keys_created = robots.iter().map(|robot| robot.ledger.keys_created).sum();

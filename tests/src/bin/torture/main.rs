@@ -1,6 +1,7 @@
 //! `torture`: kills and damages a real server repeatedly, and counts its faults.
 //!
-//! `kill`: `kill -9` under concurrent writers; `corrupt`: bytes of the stored files change;
+//! `kill`: `kill -9` under concurrent writers, with `--store nats` of several servers that share a
+//! NATS cluster, and of the cluster's leader; `corrupt`: bytes of the stored files change;
 //! `order`: one set of readings is sent in many ways; `hostile`: attackers beside honest
 //! robots; `soak`: a long mix of kept and removed records, and its disk usage. The last line
 //! of the standard output is one JSON object; every count of faults in it must be 0, and the
@@ -15,15 +16,19 @@ mod keys;
 mod kill;
 mod ledger;
 mod material;
+mod nats;
 mod order;
+mod pauses;
 mod robot;
 mod serving;
+mod several;
 mod soak;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
+use anyhow::Context;
 use clap::{Parser, ValueEnum};
 use serde::Serialize;
 
@@ -45,6 +50,12 @@ struct Args {
     /// uses a trainer's, and keys are also created and revoked under fire.
     #[arg(long, value_enum, default_value = "open")]
     access: Access,
+    /// With `kill`: where the servers store. `nats` runs two and three servers in turn.
+    #[arg(long, value_enum, default_value = "folder")]
+    store: Store,
+    /// With `--store nats`: the program `nats-server`, 2.12 or later.
+    #[arg(long, value_name = "FILE", required_if_eq("store", "nats"))]
+    nats_server: Option<PathBuf>,
     /// With `hostile`: seconds of each attack.
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=600))]
     seconds: u32,
@@ -66,7 +77,7 @@ struct Args {
     /// With `soak`: `--store-slack-mb` of the server; a huge value turns compaction off.
     #[arg(long, value_name = "MB", default_value_t = 32)]
     slack_mb: u64,
-    /// With `soak`: write figures and all samples to this JSON file.
+    /// With `soak`: write figures and all samples to this JSON file; with `kill` the counts.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
     /// With `soak`: draw the bytes over time into this SVG file.
@@ -95,6 +106,16 @@ impl Access {
             Self::Keys => "keys",
         }
     }
+}
+
+/// Where the servers store.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "snake_case")]
+enum Store {
+    /// One server on a folder.
+    Folder,
+    /// Several servers on a cluster of three NATS servers.
+    Nats,
 }
 
 /// The kind of test.
@@ -131,6 +152,9 @@ struct Counts {
     unanswered: u64,
     restarts: u64,
     restart_seconds_max: f64,
+    servers_killed: u64,
+    leaders_killed: u64,
+    longest_pause_s: f64,
     beliefs_compared: u64,
     orders_compared: u64,
     versions_trained: u64,
@@ -193,6 +217,14 @@ async fn run(args: &Args) -> anyhow::Result<(String, u64)> {
         let report = hostile::run(&command, args, &say).await?;
         return Ok((serde_json::to_string(&report)?, report.faults()));
     }
+    if let (Mode::Kill, Store::Nats, Some(program)) = (args.mode, args.store, &args.nats_server) {
+        several::run(&command, program, args, &mut counts, &say).await?;
+        counts.seconds = begun.elapsed().as_secs_f64();
+        return report(args, &counts);
+    }
+    if args.store == Store::Nats {
+        anyhow::bail!("`--store nats` goes with `kill`");
+    }
     if matches!(args.mode, Mode::Kill | Mode::All) {
         kill::run(&command, args, &mut counts, &say).await?;
     }
@@ -203,5 +235,14 @@ async fn run(args: &Args) -> anyhow::Result<(String, u64)> {
         order::run(&command, args, &mut counts, &say).await?;
     }
     counts.seconds = begun.elapsed().as_secs_f64();
-    Ok((serde_json::to_string(&counts)?, counts.faults()))
+    report(args, &counts)
+}
+
+/// The counts as JSON, also in the file of the report if there is one, and the number of faults.
+fn report(args: &Args, counts: &Counts) -> anyhow::Result<(String, u64)> {
+    if let Some(file) = args.report.as_ref().filter(|_| args.mode == Mode::Kill) {
+        std::fs::write(file, serde_json::to_string_pretty(counts)? + "\n")
+            .with_context(|| format!("cannot write {}", file.display()))?;
+    }
+    Ok((serde_json::to_string(counts)?, counts.faults()))
 }

@@ -1,13 +1,17 @@
 //! A client that writes as fast as it is answered, until the server is gone.
 
+use std::time::Duration;
+
 use palpate_core::rng::Stream;
 use reqwest::{Client, Method};
 use serde_json::{Value, json};
+use tokio::sync::watch;
 
 use crate::http::{Outcome, answer, send};
 use crate::keys;
 use crate::ledger::{Fate, Ledger, Object, Sent, Session};
 use crate::material::{Material, off_box};
+use crate::pauses::Pauses;
 
 /// Maximum readings of a session.
 const READINGS_MAX: usize = 40;
@@ -17,6 +21,8 @@ const OPEN_MAX: usize = 4;
 const OBJECTS_MAX: usize = 4;
 /// With keys: one request in this many creates or revokes one.
 const KEYS_EVERY: usize = 12;
+/// Pause before a robot goes on with another server. Chosen: what a robot's own connection takes.
+const RECONNECT_AFTER: Duration = Duration::from_millis(200);
 /// Recognition methods, drawn for each session.
 const METHODS: [&str; 3] = ["surface", "sva", "appearance"];
 
@@ -52,29 +58,66 @@ impl Robot {
 
     /// Writes until a request is not answered.
     pub(crate) async fn write(&mut self, url: &str, material: &Material) {
-        loop {
-            let keeper = self.keeper.clone();
-            if let Some(keeper) = keeper.filter(|_| self.stream.index(KEYS_EVERY) == 0) {
-                let fresh = self.fresh("key");
-                let outcome = keys::change(&keeper, url, &mut self.ledger, fresh).await;
-                if self.note(outcome) {
-                    return;
-                }
-                continue;
-            }
-            let outcome = match self.stream.index(100) {
-                0..70 => self.touch(url, material).await,
-                70..76 => self.close_or_delete(url).await,
-                76..85 => self.object(url).await,
-                85..93 => self.train_object(url, material).await,
-                93..97 => self.calibrate(url, material).await,
-                97..99 => self.delete_object(url).await,
-                _ => self.train(url).await,
-            };
-            if self.note(outcome) {
+        while !self.step(url, material).await {}
+    }
+
+    /// Makes one request; true when the server is gone.
+    async fn step(&mut self, url: &str, material: &Material) -> bool {
+        let keeper = self.keeper.clone();
+        if let Some(keeper) = keeper.filter(|_| self.stream.index(KEYS_EVERY) == 0) {
+            let fresh = self.fresh("key");
+            let outcome = keys::change(&keeper, url, &mut self.ledger, fresh).await;
+            return self.note(outcome);
+        }
+        let outcome = match self.stream.index(100) {
+            0..70 => self.touch(url, material).await,
+            70..76 => self.close_or_delete(url).await,
+            76..85 => self.object(url).await,
+            85..93 => self.train_object(url, material).await,
+            93..97 => self.calibrate(url, material).await,
+            97..99 => self.delete_object(url).await,
+            _ => self.train(url).await,
+        };
+        self.note(outcome)
+    }
+
+    /// Writes until `ends` is true: to the server at `place`, and when that does not answer to the
+    /// next one.
+    pub(crate) async fn write_anywhere(
+        &mut self,
+        urls: &[String],
+        place: usize,
+        material: &Material,
+        (pauses, ends): (&Pauses, watch::Receiver<bool>),
+    ) {
+        for url in urls.iter().cycle().skip(place % urls.len()) {
+            if self.write_to(url, material, pauses, &ends).await {
                 return;
             }
+            // What the server that is gone acknowledged, the next one knows a moment later.
+            tokio::time::sleep(RECONNECT_AFTER).await;
         }
+    }
+
+    /// Writes to a server until it does not answer; true when the time to write has ended.
+    async fn write_to(
+        &mut self,
+        url: &str,
+        material: &Material,
+        pauses: &Pauses,
+        ends: &watch::Receiver<bool>,
+    ) -> bool {
+        while !*ends.borrow() {
+            let before = self.ledger.acknowledged;
+            if self.step(url, material).await {
+                return false;
+            }
+            // Later nobody else writes.
+            if self.ledger.acknowledged > before && !*ends.borrow() {
+                pauses.acknowledged();
+            }
+        }
+        true
     }
 
     /// Records an outcome; true when the server is gone.
