@@ -29,6 +29,7 @@ pub mod server_throughput;
 pub mod restart;
 pub mod next_touch;
 pub mod object_trials;
+pub mod finer_maps;
 pub mod appearance_rules;
 pub mod explorations;
 pub mod explored_sessions;
