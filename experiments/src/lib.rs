@@ -30,6 +30,7 @@ pub mod restart;
 pub mod several_servers;
 pub mod next_touch;
 pub mod object_trials;
+pub mod finer_maps;
 pub mod appearance_rules;
 pub mod explorations;
 pub mod explored_sessions;

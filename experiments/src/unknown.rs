@@ -10,8 +10,9 @@
 //! prior (`default_prior`). Objects are given ones, or procedural ones of the seed, so that
 //! every seed has new ones. The stop rule is fitted to the rows with a `doubt`, on a seed that
 //! is not reported. The printed method (`literal`) has no answer "none of these": its score is 1
-//! − its best probability.
+//! − its best probability. `oracle` tells why sessions with known objects end wrong.
 
+mod oracle;
 mod tables;
 
 use std::path::PathBuf;
@@ -32,11 +33,11 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::arguments::{ObjectSet, count, share};
-use crate::disturbance::Disturbance;
 use crate::object_sessions::{Recogniser, Sessions, train_calibrated, train_sva};
 use crate::objects::{self, TestObject};
 use crate::report::{Outcome, Progress, Report};
 use crate::stated::Stated;
+use oracle::Examined;
 
 /// Arguments of `unknown`.
 #[derive(Args, Clone, Debug, Serialize)]
@@ -78,6 +79,14 @@ pub struct Unknown {
     /// Readings per session.
     #[arg(long, default_value_t = 10, value_parser = count)]
     pub readings: usize,
+    /// Wrong sessions with known objects, per number of touches, whose cause is looked for
+    /// (`oracle`); 0 for none.
+    #[arg(long, default_value_t = 0)]
+    pub oracle: usize,
+    /// Of these, sessions that the search did not lose and that are repeated on finer maps, which
+    /// take seconds each.
+    #[arg(long, default_value_t = 12)]
+    pub finer: usize,
     /// The sensor.
     #[arg(skip = SensorDescription::digitacts_6x6())]
     #[serde(skip)]
@@ -87,6 +96,7 @@ pub struct Unknown {
 /// One session's answers, touch by touch.
 struct Verdict {
     object: usize,
+    trial: usize,
     is_known: bool,
     /// The catalogue's objects, among all.
     known: Arc<[usize]>,
@@ -129,6 +139,14 @@ struct Touched {
     test: Vec<Vec<Reading>>,
 }
 
+impl Touched {
+    /// Sessions with these objects. Errors of poses are not asked for.
+    fn sessions<'a>(&'a self, config: &'a Unknown, symmetries: &'a [Symmetry]) -> Sessions<'a> {
+        let Unknown { sensor, seed, readings, .. } = config;
+        Sessions::undisturbed(sensor, &self.test, symmetries, *seed, *readings)
+    }
+}
+
 /// Runs the experiment; gives the report and its plot.
 ///
 /// # Errors
@@ -144,7 +162,7 @@ pub fn run(config: &Unknown, progress: Progress<'_>) -> anyhow::Result<Outcome> 
     );
     let symmetries = objects::symmetries(&touched.objects);
     let (mut verdicts, mut untold) = (Vec::new(), Vec::new());
-    let mut literal = Vec::new();
+    let (mut literal, mut lost) = (Vec::new(), Vec::new());
     for fold in 0..config.folds {
         progress("folds", fold, config.folds);
         let known: Arc<[usize]> = (0..n).filter(|at| at % config.folds != fold).collect();
@@ -157,7 +175,14 @@ pub fn run(config: &Unknown, progress: Progress<'_>) -> anyhow::Result<Outcome> 
         let options = SurfaceOptions { unknown: config.prior, ..SurfaceOptions::default() };
         let surface = Recogniser::Surface { model: model.clone(), options };
         let n_sessions = share(config.sessions);
-        verdicts.extend(play(config, &touched, &known, &surface, fold, n_sessions)?);
+        let played = play(config, &touched, &known, &surface, fold, n_sessions)?;
+        if config.oracle > 0 {
+            progress("the causes of wrong sessions", fold, config.folds);
+            let examined = Examined { config, touched: &touched, model: &model, options };
+            let (oracle, finer) = (share(config.oracle), share(config.finer));
+            lost.extend(examined.lost(&played, oracle, finer)?);
+        }
+        verdicts.extend(played);
         let surface = Recogniser::Surface { model, options: SurfaceOptions::default() };
         let default_prior = play(config, &touched, &known, &surface, fold, n_sessions)?;
         let untold_prior = Some(SurfaceOptions::default().unknown);
@@ -168,6 +193,9 @@ pub fn run(config: &Unknown, progress: Progress<'_>) -> anyhow::Result<Outcome> 
             let sva = train_sva(&train, &config.sensor, &training, options, config.seed)?;
             literal = play(config, &touched, &known, &sva, fold, config.literal_sessions)?;
         }
+    }
+    if config.oracle > 0 {
+        oracle::report_lost(&mut report, config, &lost);
     }
     let played = [
         (Kind { method: "surface", prefix: "", infix: "" }, &verdicts),
@@ -226,21 +254,14 @@ fn play(
         None => of(&unknown, at),
         Some(at) => of(known, at),
     });
-    let sessions = Sessions {
-        sensor: &config.sensor,
-        test: &touched.test,
-        symmetries: &vec![Symmetry::NONE; n_objects],
-        seed: config.seed,
-        readings: config.readings,
-        threads: 1,
-        disturbance: Disturbance::None,
-    };
+    let symmetries = vec![Symmetry::NONE; n_objects];
+    let sessions = touched.sessions(config, &symmetries);
     let one = |(object, trial): (usize, usize)| {
         let probabilities = sessions.probabilities(recogniser, object, trial)?;
         let place = known.iter().position(|at| *at == object);
         let truth = place.unwrap_or(known.len());
         let (known, is_known) = (Arc::clone(known), place.is_some());
-        Ok(Verdict { object, is_known, known, probabilities, truth, untold_prior: None })
+        Ok(Verdict { object, trial, is_known, known, probabilities, truth, untold_prior: None })
     };
     plan.collect::<Vec<_>>().into_par_iter().map(one).collect()
 }
@@ -261,6 +282,8 @@ mod tests {
             train_readings: 200,
             test_readings: 30,
             readings: 6,
+            oracle: 6,
+            finer: 2,
             ..defaults()
         };
         let outcome = run(&config, &|_, _, _| ()).unwrap();
@@ -279,6 +302,11 @@ mod tests {
         ] {
             assert!(summary.contains_key(key), "{key}");
         }
+        let causes =
+            summary.iter().filter(|(key, _)| key.starts_with("lost_by_") && key.ends_with("_at_4"));
+        let shares: f64 = causes.map(|(_, share)| share).sum();
+        assert!(summary["examined_at_4"] > 0.0, "{summary:?}");
+        assert!((shares - 1.0).abs() < 1e-9, "every cause is told: {summary:?}");
         // The diagonal and 2, 4, 6 touches; surface and literal; three and one of the stop rule.
         assert_eq!(outcome.plot.matches("polyline").count(), 4 + 2 + 3 + 1);
     }

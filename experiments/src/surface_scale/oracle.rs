@@ -13,47 +13,26 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
 use palpate_core::object::ObjectIdx;
 use palpate_core::pose::Pose;
-use palpate_core::rng::{Purpose, Stream};
-use palpate_core::sensor::SensorDescription;
-use palpate_core::training::TrainingSet;
 use palpate_recogniser::belief::SurfaceBelief;
-use palpate_recogniser::model::map::SurfaceLayout;
-use palpate_recogniser::model::{SurfaceMap, SurfaceModel, SurfacePatch};
+use palpate_recogniser::model::{SurfaceMap, SurfaceModel};
 use palpate_recogniser::options::SurfaceOptions;
-use palpate_recogniser::train::{SurfaceConfig, map_surface};
-use palpate_sim::press::PressSimulator;
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::SurfaceScale;
+use crate::finer_maps::FinerMaps;
 use crate::object_sessions::Sessions;
-use crate::objects::{self, TestObject};
+use crate::objects::TestObject;
 use crate::played::{Played, Step};
 use crate::report::{Progress, Report};
 
 /// Numbers of touches after which sessions are examined.
 const EXAMINED_AT: [usize; 4] = [2, 3, 4, 6];
 
-/// Factor of the touches of the finer map. Chosen.
-const FINER: usize = 4;
-
 /// Rivals of the true object that get finer maps: those with the most evidence. Chosen.
 const RIVALS: usize = 2;
-
-/// Points drawn from a mesh that is a map. Chosen: an object of 80 mm has one every 1.2 mm.
-const MESH_POINTS: usize = 10_000;
-
-/// Radius (m) over which a mesh's normals are averaged. Chosen: about that of a contact.
-const CONTACT_RADIUS: f32 = 0.003;
-
-/// Patches of a finer map whose pairs are tabled. Chosen: bounds memory.
-const PAIRED_MAX: usize = 1_200;
-
-/// Least cosine of a patch's normal with that of the mesh point whose appearance it gives. Chosen.
-const FACING_MIN: f32 = 0.5;
 
 /// Distance (m) and angle (rad) within which a pose is near the true one: refinement should find
 /// it. Chosen.
@@ -135,12 +114,6 @@ impl Lost {
     }
 }
 
-/// The finer maps of an object.
-struct Finer {
-    touched: SurfaceMap,
-    mesh: SurfaceMap,
-}
-
 /// Examines wrong sessions; adds a row for each and the shares of the causes. `objects` gives the
 /// test objects with these indices.
 pub(super) fn run(
@@ -164,8 +137,13 @@ pub(super) fn run(
     let wanted: BTreeSet<usize> = tried.iter().flat_map(of).collect();
     progress("finer maps", 0, wanted.len());
     let objects = objects(&wanted)?;
-    let finer = |(index, object): (&usize, &TestObject)| Some((*index, examined.finer(object)?));
-    let finer: BTreeMap<usize, Finer> = objects.par_iter().filter_map(finer).collect();
+    let Examined { model, sessions, train_readings, .. } = examined;
+    let finer = |(index, object): (&usize, &TestObject)| {
+        let seed = 2 * sessions.seed;
+        let finer = FinerMaps::of(object, sessions.sensor, &model.space, *train_readings, seed);
+        Some((*index, finer?))
+    };
+    let finer: BTreeMap<usize, FinerMaps> = objects.par_iter().filter_map(finer).collect();
     for at in tried {
         let lost = &mut lost[at];
         lost.map = examined.margin(lost, |index| Some(&finer.get(&index)?.touched))?;
@@ -271,67 +249,10 @@ impl<'a> Examined<'a> {
         let strongest = strongest.map(|all| all.into_iter().fold(f64::NEG_INFINITY, f64::max));
         Ok(on(lost.object, &[truth]).zip(strongest).map(|(truth, rival)| truth - rival))
     }
-
-    /// The finer maps of an object; `None` if it cannot be touched this often.
-    fn finer(&self, object: &TestObject) -> Option<Finer> {
-        let (sensor, space) = (self.sessions.sensor, &self.model.space);
-        let n = FINER * self.train_readings;
-        let readings = objects::touch(object, sensor, n, 2 * self.sessions.seed).ok()?;
-        let layout = SurfaceLayout { pair_patches_max: PAIRED_MAX, ..SurfaceLayout::default() };
-        let config = SurfaceConfig { patches_max: n, layout };
-        let set = TrainingSet { readings: &readings, sensor };
-        let touched = map_surface(&set, space, &config, Some(DVec3::ZERO)).ok()?;
-        let mesh = mesh_map(object, sensor, &touched, layout);
-        Some(Finer { touched, mesh })
-    }
 }
 
 fn index(object: usize) -> ObjectIdx {
     ObjectIdx(object as u32)
-}
-
-/// The map of a mesh: points of it with its normals, averaged over a contact, and with stretch and
-/// appearance of the nearest of the `touched` patches.
-fn mesh_map(
-    object: &TestObject,
-    sensor: &SensorDescription,
-    touched: &SurfaceMap,
-    layout: SurfaceLayout,
-) -> SurfaceMap {
-    let simulator = PressSimulator::new(object.mesh.clone(), sensor.clone());
-    let mut stream = Stream::new(0, Purpose::Shape, 0);
-    let mut points: Vec<(Vec3, Vec3)> = (0..MESH_POINTS)
-        .map(|_| simulator.draw_point(&mut stream))
-        .map(|drawn| (drawn.point.as_vec3(), drawn.normal.as_vec3()))
-        .collect();
-    points.sort_by(|a, b| a.0.x.total_cmp(&b.0.x));
-    let patch = |at: usize| {
-        let (position, normal) = points[at];
-        let is_near = |x: f32| (x - position.x).abs() < CONTACT_RADIUS;
-        let before = points[..at].iter().rev().take_while(|other| is_near(other.0.x));
-        let after = points[at..].iter().take_while(|other| is_near(other.0.x));
-        let about = before.chain(after).filter(|other| {
-            other.0.distance(position) < CONTACT_RADIUS && other.1.dot(normal) > 0.0
-        });
-        let normal = about.map(|other| other.1).sum::<Vec3>().normalize();
-        let like = touched.patches().iter().min_by(|a, b| {
-            let apart = |patch: &SurfacePatch| {
-                let turned = patch.normal.dot(normal) < FACING_MIN;
-                patch.position.distance(position) + if turned { 1.0 } else { 0.0 }
-            };
-            apart(a).total_cmp(&apart(b))
-        })?;
-        let across = normal.cross(like.direction).normalize_or(normal.any_orthonormal_vector());
-        Some(SurfacePatch { position, normal, direction: across.cross(normal), ..*like })
-    };
-    let patches: Vec<SurfacePatch> = (0..points.len()).filter_map(patch).collect();
-    // Pairs are tabled among the first patches, which must lie anywhere.
-    let mut drawn: Vec<usize> = (0..patches.len()).collect();
-    for at in 0..drawn.len() {
-        drawn.swap(at, at + stream.index(patches.len() - at));
-    }
-    let patches = drawn.into_iter().map(|at| patches[at]).collect();
-    SurfaceMap::new(DVec3::ZERO, patches, layout)
 }
 
 #[cfg(test)]
@@ -360,28 +281,5 @@ mod tests {
         assert_eq!(open.cause(), Cause::Open);
         assert_eq!(finer_sessions(&[open.clone(), open.clone()], 1), [0]);
         assert!(finer_sessions(&[open], 0).is_empty());
-    }
-
-    #[test]
-    fn the_map_of_a_mesh_lies_on_it_and_faces_outwards() {
-        let mut objects = objects::generated(&["mug"], 0.08).unwrap();
-        let object = objects.remove(0);
-        let sensor = SensorDescription::digitacts_6x6();
-        let readings = objects::touch(&object, &sensor, 60, 3).unwrap();
-        let set = TrainingSet { readings: &readings, sensor: &sensor };
-        let space = palpate_recogniser::train::learn_space(&[set], 3).unwrap();
-        let layout = SurfaceLayout { pair_patches_max: 50, ..SurfaceLayout::default() };
-        let config = SurfaceConfig { patches_max: 60, layout };
-        let set = TrainingSet { readings: &readings, sensor: &sensor };
-        let touched = map_surface(&set, &space, &config, Some(DVec3::ZERO)).unwrap();
-        let map = mesh_map(&object, &sensor, &touched, layout);
-        assert_eq!(map.patches().len(), MESH_POINTS);
-        let simulator = PressSimulator::new(object.mesh.clone(), sensor);
-        for patch in map.patches().iter().step_by(100) {
-            let (nearest, normal) = simulator.nearest(patch.position.as_dvec3());
-            assert!(nearest.as_vec3().distance(patch.position) < 1e-6);
-            assert!(normal.as_vec3().dot(patch.normal) > 0.0);
-            assert!(patch.direction.dot(patch.normal).abs() < 1e-5);
-        }
     }
 }

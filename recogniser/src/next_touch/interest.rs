@@ -337,7 +337,7 @@ mod tests {
     }
 
     #[test]
-    fn the_mean_over_the_true_object_is_the_information_of_next_touches() {
+    fn the_mean_over_true_objects_is_that_of_next_touches() {
         let met = |z: f32| super::super::footprint::ExpectedContact {
             contact: 0.9,
             position: Vec3::Z * z,

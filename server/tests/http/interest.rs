@@ -21,13 +21,13 @@ async fn places_of_one_of_two_objects_tell_at_most_a_bit() {
     let likeness = found["rivals"][0]["likeness"].as_f64().unwrap();
     assert!((0.01..1.0).contains(&likeness), "{likeness}");
     let places = found["places"].as_array().unwrap();
-    assert!((50..=500).contains(&places.len()), "{}", places.len());
+    assert!((20..=500).contains(&places.len()), "{}", places.len());
     for place in places {
         let bits = place["bits"].as_f64().unwrap();
         assert!((0.0..=1.0).contains(&bits), "{place}");
-        // The bar is 80 × 20 × 20 mm about its origin, and a press sinks in.
+        // The bar is 80 × 20 × 20 mm about its origin; a touch goes a little into it.
         let (at, normal) = (numbers(&place["position"]), numbers(&place["normal"]));
-        assert!(at[0].abs() < 0.043 && at[1].abs() < 0.013 && at[2].abs() < 0.013, "{place}");
+        assert!(at[0].abs() < 0.045 && at[1].abs() < 0.015 && at[2].abs() < 0.015, "{place}");
         assert!((normal.iter().map(|part| part * part).sum::<f64>() - 1.0).abs() < 1e-4);
     }
     // By id, and by another request: the same.

@@ -11,7 +11,7 @@ use palpate_core::pose::Pose;
 use super::SurfaceBelief;
 use crate::belief::common::Common;
 use crate::belief::pair_weight::{pair_evidence, usual_density};
-use crate::belief::posterior::Explained;
+use crate::belief::posterior::{Explained, log_posterior};
 use crate::belief::stage::Stage;
 use crate::model::SurfaceMap;
 use crate::observe::observation::Observation;
@@ -61,6 +61,17 @@ impl SurfaceBelief {
             }
             _ => None,
         }
+    }
+
+    /// ln odds of an object against "none of these" (equation R18) by the likeliest motion of the
+    /// object, if its evidence (ln L_o) were `log_evidence`.
+    #[must_use]
+    pub fn log_odds_with(&self, object: ObjectIdx, log_evidence: f64) -> f64 {
+        let of = self.leading().explained();
+        let (index, mut objects) = (object.0 as usize, of.objects.to_vec());
+        objects[index].log_evidence = log_evidence;
+        let logs = log_posterior(&self.common, &Explained { objects: &objects, ..of });
+        logs[index] - logs[objects.len()]
     }
 
     /// Whether a pose of an object that the search has left lies within `distance` (m) and
@@ -171,6 +182,17 @@ mod tests {
         };
         // The density is relative to the area, not to the number of patches: within 1 a touch.
         assert!((on(4_000) - on(500)).abs() < 4.0, "{} {}", on(4_000), on(500));
+    }
+
+    #[test]
+    fn odds_follow_the_evidence_and_are_those_of_the_posterior() {
+        let belief = touched(4);
+        let (own, posterior) = (belief.log_evidence()[0], belief.posterior());
+        let odds = |log| belief.log_odds_with(ObjectIdx(0), log);
+        assert!((odds(own) - (posterior[0] / posterior[2]).ln()).abs() < 1e-6, "{posterior:?}");
+        // Nobody else has evidence: each nat counts by the temperature.
+        let temperature = belief.model().calibration.stages[2].temperature;
+        assert!((odds(own + 1.0) - odds(own) - 1.0 / temperature).abs() < 0.05);
     }
 
     #[test]
