@@ -58,12 +58,18 @@ impl Database {
     pub async fn alone(&self, what: &str, within: Duration) -> Result<Lease, EngineError> {
         let begun = Instant::now();
         loop {
-            if let Some(lease) = self.engine.lease(what).await? {
-                self.engine.catch_up().await?;
-                return Ok(lease);
-            }
+            let fault = match self.engine.lease(what).await {
+                Ok(Some(lease)) => {
+                    self.engine.catch_up().await?;
+                    return Ok(lease);
+                }
+                Ok(None) => EngineError::Elsewhere { what: what.to_owned() },
+                // A cluster that elects a leader answers again soon.
+                Err(error @ EngineError::Failed { .. }) => error,
+                Err(error) => return Err(error),
+            };
             if begun.elapsed() > within {
-                return Err(EngineError::Elsewhere { what: what.to_owned() });
+                return Err(fault);
             }
             tokio::time::sleep(ALONE_PAUSE).await;
         }

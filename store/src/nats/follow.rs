@@ -26,6 +26,8 @@ const FOLLOWING: &str = "following the stream";
 const REST_COMES_WITHIN: Duration = Duration::from_secs(1);
 /// Interval at which a quiet stream is tidied. Chosen: far below the time that tombstones are kept.
 const LOOK_EVERY: Duration = Duration::from_secs(60);
+/// Time in which a new consumer is not given up. Chosen: far more than its first message takes.
+const FRESH: Duration = Duration::from_secs(2);
 /// Pause after a consumer could not be made. Chosen: an election takes seconds.
 const PAUSE: Duration = Duration::from_millis(500);
 /// Maximum number of messages held back.
@@ -81,14 +83,25 @@ pub(super) async fn follow(stream: Stream, client: Client, shared: Arc<Shared>) 
                 continue;
             }
         };
+        let begun = Instant::now();
+        let mut quiet_since = begun;
         loop {
             let is_waiting = !gathering.messages.is_empty() && !gathering.has_gap;
             let patience = if is_waiting { REST_COMES_WITHIN } else { LOOK_EVERY };
+            let left = patience.saturating_sub(quiet_since.elapsed());
             let next = tokio::select! {
-                next = tokio::time::timeout(patience, messages.next()) => next,
+                next = tokio::time::timeout(left, messages.next()) => next,
                 // Its server may be gone, which heartbeats would tell much later.
-                () = shared.is_stalled.notified() => break,
+                () = shared.is_stalled.notified() => {
+                    // The word may be about the consumer before: one that was just made would never
+                    // come to deliver.
+                    if begun.elapsed() > FRESH {
+                        break;
+                    }
+                    continue;
+                }
             };
+            quiet_since = Instant::now();
             let outcome = match next {
                 Err(_) if !gathering.messages.is_empty() => shared.apply(&gathering.take()),
                 Err(_) => {

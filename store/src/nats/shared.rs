@@ -66,6 +66,7 @@ impl Shared {
     /// Applies messages together: a reader sees all or none.
     pub(super) fn apply(&self, messages: &[Delivered]) -> Result<(), EngineError> {
         let Some(last) = messages.last() else { return Ok(()) };
+        let mut foreign = Vec::new();
         {
             let mut index = self.index.write().unwrap_or_else(PoisonError::into_inner);
             for Delivered { message, sequence, bytes } in messages {
@@ -73,16 +74,15 @@ impl Shared {
                     index.apply(message, *sequence, *bytes)?;
                 }
             }
-        }
-        let mut under_way = self.under_way();
-        let mut foreign = Vec::new();
-        for Delivered { message, .. } in messages {
-            match under_way.get_mut(&message.commit) {
-                Some(is_delivered) => *is_delivered = true,
-                None => foreign.push(&message.unit),
+            // Who sees what a commit wrote also sees that it was delivered.
+            let mut under_way = self.under_way();
+            for Delivered { message, .. } in messages {
+                match under_way.get_mut(&message.commit) {
+                    Some(is_delivered) => *is_delivered = true,
+                    None => foreign.push(&message.unit),
+                }
             }
         }
-        drop(under_way);
         self.position.send_replace(last.sequence);
         if !foreign.is_empty() {
             let is_heard = |teller: &Teller| foreign.iter().all(|unit| teller.tell(unit));

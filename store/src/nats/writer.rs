@@ -49,7 +49,12 @@ async fn attempts(
     let mut pause = PAUSE;
     loop {
         shared.check()?;
-        let outgoing = plan(&shared.index(), &admitted.job.work, id, publisher.payload_max)?;
+        let planned = plan(&shared.index(), &admitted.job.work, id, publisher.payload_max);
+        let outgoing = match planned {
+            // What its expectations miss is its own work: the follower came by meanwhile.
+            Err(CommitError::Conflict { .. }) if shared.is_delivered(id) => return Ok(()),
+            planned => planned?,
+        };
         if outgoing.is_empty() {
             return Ok(());
         }
