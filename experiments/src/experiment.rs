@@ -265,9 +265,12 @@ mod tests {
     #[test]
     fn a_command_line_gives_the_same_arguments_again() {
         for command in Typed::command().get_subcommands() {
-            let has_data = command.get_name().starts_with("real-");
-            let data = if has_data { " --data folder" } else { "" };
-            let line = format!("{PROGRAM} {}{data}", command.get_name());
+            let needed = match command.get_name() {
+                name if name.starts_with("real-") => " --data folder",
+                "several-servers" => " --nats nats://host",
+                _ => "",
+            };
+            let line = format!("{PROGRAM} {}{needed}", command.get_name());
             let experiment = typed(&line);
             assert_eq!(typed(&experiment.command_line()).arguments(), experiment.arguments());
         }
