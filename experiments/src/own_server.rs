@@ -4,8 +4,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use palpate_client::{Client, ClientOptions};
-use palpate_server::{Config, Server};
-use palpate_store::nats::NatsOptions;
+use palpate_server::{Config, NatsOptions, Server};
 use tempfile::TempDir;
 
 /// A running server and a client of it.

@@ -47,6 +47,7 @@ pub mod server;
 
 pub use config::{Access, Config};
 pub use door::Patience;
+pub use palpate_store::nats::NatsOptions;
 pub use palpate_store::sled::FreeSpace;
 pub use secret::{ChosenKey, ChosenKeyError};
 pub use server::{Server, StartError};
