@@ -21774,6 +21774,9 @@ export interface operations {
                      *         "residual": 322.537
                      *       },
                      *       "created_at": "2026-11-26T07:07:35.445Z",
+                     *       "curve": null,
+                     *       "force_curve": null,
+                     *       "form": "lines",
                      *       "n_presses": 12,
                      *       "n_unusable": 2,
                      *       "number": 1,
@@ -21788,6 +21791,7 @@ export interface operations {
                      *         {
                      *           "answers": null,
                      *           "col": 0,
+                     *           "curve": null,
                      *           "offset": 205.05,
                      *           "r_squared": 1,
                      *           "row": 0,
@@ -21797,6 +21801,7 @@ export interface operations {
                      *         {
                      *           "answers": null,
                      *           "col": 1,
+                     *           "curve": null,
                      *           "offset": 4.9,
                      *           "r_squared": 1,
                      *           "row": 0,
@@ -21806,6 +21811,7 @@ export interface operations {
                      *         {
                      *           "answers": null,
                      *           "col": 2,
+                     *           "curve": null,
                      *           "offset": 63.5,
                      *           "r_squared": 1,
                      *           "row": 0,
@@ -22177,6 +22183,9 @@ export interface operations {
                      *         "residual": 322.537
                      *       },
                      *       "created_at": "2026-11-26T07:07:35.445Z",
+                     *       "curve": null,
+                     *       "force_curve": null,
+                     *       "form": "lines",
                      *       "n_presses": 12,
                      *       "n_unusable": 2,
                      *       "number": 1,
@@ -22191,6 +22200,7 @@ export interface operations {
                      *         {
                      *           "answers": null,
                      *           "col": 0,
+                     *           "curve": null,
                      *           "offset": 205.05,
                      *           "r_squared": 1,
                      *           "row": 0,
@@ -22200,6 +22210,7 @@ export interface operations {
                      *         {
                      *           "answers": null,
                      *           "col": 1,
+                     *           "curve": null,
                      *           "offset": 4.9,
                      *           "r_squared": 1,
                      *           "row": 0,
@@ -22209,6 +22220,7 @@ export interface operations {
                      *         {
                      *           "answers": null,
                      *           "col": 2,
+                     *           "curve": null,
                      *           "offset": 63.5,
                      *           "r_squared": 1,
                      *           "row": 0,
