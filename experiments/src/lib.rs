@@ -5,6 +5,7 @@
 //! figures. Poses, noise and readings of a trial come from streams that training never uses.
 
 mod cpu_time;
+pub mod lost_sessions;
 pub mod disturbance;
 pub mod letter_presses;
 mod own_server;

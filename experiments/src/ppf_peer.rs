@@ -304,8 +304,8 @@ mod tests {
     use super::*;
     use crate::arguments::defaults;
 
-    /// A small run against a "peer" that is a shell script of this text, trained with so many
-    /// readings an object.
+    /// A small run. The peer is a shell script with this text; every object is learnt from
+    /// `train_readings` touches.
     fn small(name: &str, script: &str, train_readings: usize) -> anyhow::Result<Outcome> {
         let path = std::env::temp_dir().join(format!("palpate-{name}-{}.sh", std::process::id()));
         std::fs::write(&path, script).unwrap();

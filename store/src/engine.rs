@@ -345,7 +345,7 @@ pub enum EngineError {
         /// Maximum number of waiting commits.
         queue_max: usize,
     },
-    /// Another server does something of which there is one at a time.
+    /// One server at a time may do this, and another one does it now.
     #[error("another server is busy with {what}: try again")]
     Elsewhere {
         /// What it does.

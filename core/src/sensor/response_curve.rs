@@ -2,7 +2,7 @@
 //!
 //! Section 2.5.1 takes the force curve from the calibration and does not say how. Here: mean
 //! pressures at the pressed depths, made to rise by pooling neighbours that do not (isotonic
-//! regression), joined by straight pieces, the first and the last of which go on beyond the ends.
+//! regression), joined by straight lines. The first and the last line go on beyond the ends.
 //! Depths in metres, pressures in pascal. Not here: straight responses (`line`), and the force
 //! curve of a description, which starts at no pressure (`force_curve`).
 

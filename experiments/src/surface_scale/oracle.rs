@@ -23,6 +23,7 @@ use serde::Serialize;
 
 use super::SurfaceScale;
 use crate::finer_maps::FinerMaps;
+use crate::lost_sessions::{Cause, NEAR, RIVALS};
 use crate::object_sessions::Sessions;
 use crate::objects::TestObject;
 use crate::played::{Played, Step};
@@ -30,41 +31,6 @@ use crate::report::{Progress, Report};
 
 /// Numbers of touches after which sessions are examined.
 const EXAMINED_AT: [usize; 4] = [2, 3, 4, 6];
-
-/// Rivals of the true object that get finer maps: those with the most evidence. Chosen.
-const RIVALS: usize = 2;
-
-/// Distance (m) and angle (rad) within which a pose is near the true one: refinement should find
-/// it. Chosen.
-const NEAR: (f64, f64) = (0.012, 0.44);
-
-/// What lost a session.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Cause {
-    /// The true pose has more evidence than any other object, and no pose near it was left.
-    Proposal,
-    /// The same, and one was left.
-    Refinement,
-    /// It has more evidence on maps of four times as many touches.
-    Map,
-    /// It has on the meshes.
-    Mesh,
-    /// It has nowhere.
-    Likelihood,
-    /// It does not have on the catalogue's maps; finer ones were not tried.
-    Open,
-}
-
-impl Cause {
-    const ALL: [(Self, &'static str); 6] = [
-        (Self::Proposal, "proposal"),
-        (Self::Refinement, "refinement"),
-        (Self::Map, "map"),
-        (Self::Mesh, "mesh"),
-        (Self::Likelihood, "likelihood"),
-        (Self::Open, "open"),
-    ];
-}
 
 /// Sessions to examine, and how their objects were learnt.
 pub(super) struct Examined<'a> {
@@ -168,8 +134,7 @@ fn finer_sessions(lost: &[Lost], n: usize) -> Vec<usize> {
 fn add_to(report: &mut Report, examined: &Examined<'_>, all: &[Lost]) {
     let count = examined.model.maps().len();
     for lost in all {
-        let cause = Cause::ALL.iter().find(|(cause, _)| *cause == lost.cause());
-        let labels = [("examined", "oracle"), ("cause", cause.map_or("", |(_, name)| name))];
+        let labels = [("examined", "oracle"), ("cause", lost.cause().name())];
         report.labelled(&labels, super::InCatalogue { objects: count, figures: lost });
     }
     for readings in EXAMINED_AT {
@@ -179,9 +144,10 @@ fn add_to(report: &mut Report, examined: &Examined<'_>, all: &[Lost]) {
         if examined.is_empty() {
             continue;
         }
-        for (cause, name) in Cause::ALL {
+        for cause in Cause::AMONG_OBJECTS {
             let found = examined.iter().filter(|lost| lost.cause() == cause).count() as f64;
-            report.summarise(&format!("lost_by_{name}_{count}_at_{readings}"), found / n);
+            let key = format!("lost_by_{}_{count}_at_{readings}", cause.name());
+            report.summarise(&key, found / n);
         }
     }
 }

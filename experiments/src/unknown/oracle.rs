@@ -25,42 +25,11 @@ use serde::Serialize;
 
 use super::{Touched, Unknown, Verdict};
 use crate::finer_maps::FinerMaps;
+use crate::lost_sessions::{Cause, NEAR, RIVALS};
 use crate::report::Report;
 
 /// Numbers of touches after which sessions are examined, beside all of them.
 const EXAMINED_AT: [usize; 3] = [4, 6, 10];
-
-/// Rivals of the true object that get finer maps: those with the most evidence. Chosen.
-const RIVALS: usize = 2;
-
-/// Distance (m) and angle (rad) within which a pose is near the true one: refinement should find
-/// it. Chosen.
-const NEAR: (f64, f64) = (0.012, 0.44);
-
-/// What lost a session.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Cause {
-    Proposal,
-    Refinement,
-    Map,
-    Mesh,
-    Likelihood,
-    Background,
-    /// Not told by the catalogue's maps; finer ones were not tried.
-    Open,
-}
-
-impl Cause {
-    const ALL: [(Self, &'static str); 7] = [
-        (Self::Proposal, "proposal"),
-        (Self::Refinement, "refinement"),
-        (Self::Map, "map"),
-        (Self::Mesh, "mesh"),
-        (Self::Likelihood, "likelihood"),
-        (Self::Background, "background"),
-        (Self::Open, "open"),
-    ];
-}
 
 /// How far the true object is above its rivals (ln); below 0 it loses.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -128,8 +97,8 @@ struct Repeated {
 }
 
 impl Examined<'_> {
-    /// The causes of at most `n` wrong sessions with known objects per number of touches, of which
-    /// at most `n_finer` that the search did not lose get finer maps.
+    /// Repeats wrong sessions with known objects: at most `n` after each number of touches. Of
+    /// those that the search did not lose, at most `n_finer` get finer maps.
     pub(super) fn lost(
         &self,
         verdicts: &[Verdict],
@@ -266,13 +235,8 @@ struct Row {
 /// Adds a row for each wrong session, and the shares of the causes.
 pub(super) fn report_lost(report: &mut Report, config: &Unknown, all: &[Lost]) {
     for lost in all {
-        let cause = Cause::ALL.iter().find(|(cause, _)| *cause == lost.cause());
         let named = if lost.named_none { "none of these" } else { "another object" };
-        let labels = [
-            ("examined", "oracle"),
-            ("cause", cause.map_or("", |(_, name)| name)),
-            ("named", named),
-        ];
+        let labels = [("examined", "oracle"), ("cause", lost.cause().name()), ("named", named)];
         let [map, mesh] = [0, 1].map(|at| lost.finer.map(|finer| finer[at]));
         let row = Row {
             readings: lost.readings,
@@ -302,8 +266,8 @@ pub(super) fn report_lost(report: &mut Report, config: &Unknown, all: &[Lost]) {
             &format!("lost_to_none_of_these_at_{readings}"),
             share(&|lost| lost.named_none),
         );
-        for (cause, name) in Cause::ALL {
-            let key = format!("lost_by_{name}_at_{readings}");
+        for cause in Cause::ALL {
+            let key = format!("lost_by_{}_at_{readings}", cause.name());
             report.summarise(&key, share(&|lost| lost.cause() == cause));
         }
     }

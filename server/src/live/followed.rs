@@ -10,7 +10,8 @@ use crate::clock::now_ms;
 use crate::compute::{ComputeError, Urgency};
 
 impl Live {
-    /// Whether nobody else is about to tell the followers what other servers added.
+    /// Marks that the followers are to hear what other servers added; `false` if another task has
+    /// marked it and not begun.
     pub(crate) fn is_first_to_hear(&self) -> bool {
         !self.is_hearing.swap(true, Ordering::AcqRel)
     }

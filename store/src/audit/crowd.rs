@@ -66,11 +66,11 @@ impl AuditLog {
         self.crowd.waiting().push_back(Waiting { ring, entry, answer });
         let _turn = self.crowd.turn.lock().await;
         loop {
-            // Nobody takes an entry out of the queue without an answer.
+            // An entry leaves the queue only with an answer.
             if let Ok(Some(stored)) = answered.try_recv() {
                 return stored;
             }
-            // They stay in the queue until they are stored: whoever stored them may have gone.
+            // Entries stay in the queue until they are stored: this task may be dropped meanwhile.
             let first: Vec<(Ring, AuditEntry)> = {
                 let waiting = self.crowd.waiting();
                 waiting.iter().take(AT_ONCE).map(|it| (it.ring, it.entry.clone())).collect()

@@ -8,7 +8,7 @@ use crate::engine::lease::Lease;
 use crate::engine::news::News;
 use crate::key::Space;
 
-/// The records of which servers keep something in memory.
+/// Spaces whose records servers keep copies of in memory.
 const NEWS: [Space; 14] = [
     Space::AccessKey,
     Space::RobotHolder,

@@ -30,8 +30,8 @@ impl Lease {
         Self { ends: None, _held: None }
     }
 
-    /// A lease that another task renews, by moving `ends`, until the other end of `held` is told
-    /// that it was dropped.
+    /// A lease that another task renews by moving `ends`. Dropping it drops `held`, which tells
+    /// that task to stop.
     pub(crate) fn renewed(ends: Arc<Mutex<Instant>>, held: oneshot::Sender<()>) -> Self {
         Self { ends: Some(ends), _held: Some(held) }
     }

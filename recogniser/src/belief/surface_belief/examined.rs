@@ -190,7 +190,7 @@ mod tests {
         let (own, posterior) = (belief.log_evidence()[0], belief.posterior());
         let odds = |log| belief.log_odds_with(ObjectIdx(0), log);
         assert!((odds(own) - (posterior[0] / posterior[2]).ln()).abs() < 1e-6, "{posterior:?}");
-        // Nobody else has evidence: each nat counts by the temperature.
+        // No other object has evidence, so a nat more raises the odds by 1 / temperature.
         let temperature = belief.model().calibration.stages[2].temperature;
         assert!((odds(own + 1.0) - odds(own) - 1.0 / temperature).abs() < 0.05);
     }

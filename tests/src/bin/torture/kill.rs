@@ -42,12 +42,7 @@ pub(crate) async fn run(
     let data = folders.path().join("data");
     let calm_data = folders.path().join("calm");
     let http = client()?;
-    let mut robots: Vec<Robot> = (0..args.writers)
-        .map(|writer| {
-            let stream = Stream::new(args.seed, Purpose::ReadingChoice, u64::from(writer));
-            Robot::new(format!("robot-{writer}"), http.clone(), stream)
-        })
-        .collect();
+    let mut robots = Robot::all(args.writers, args.seed, &http);
     set_up(command, &data, &mut robots, &http, args.access).await?;
     copy(&data, &calm_data)?;
     let calm = start(command, &calm_data, args.access)?;

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use palpate_core::rng::Stream;
+use palpate_core::rng::{Purpose, Stream};
 use reqwest::{Client, Method};
 use serde_json::{Value, json};
 use tokio::sync::watch;
@@ -41,6 +41,15 @@ pub(crate) struct Robot {
 }
 
 impl Robot {
+    /// The robots of a run, each with choices of its own.
+    pub(crate) fn all(n: u32, seed: u64, client: &Client) -> Vec<Self> {
+        let robot = |writer: u32| {
+            let stream = Stream::new(seed, Purpose::ReadingChoice, u64::from(writer));
+            Self::new(format!("robot-{writer}"), client.clone(), stream)
+        };
+        (0..n).map(robot).collect()
+    }
+
     pub(crate) fn new(name: String, client: Client, stream: Stream) -> Self {
         let (teacher, ledger) = (client.clone(), Ledger::default());
         Self { name, client, teacher, keeper: None, ledger, stream, n_named: 0 }
