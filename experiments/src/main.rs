@@ -90,34 +90,55 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
 struct Shown {
     bar: ProgressBar,
     begun: Instant,
-    last_line: Mutex<Instant>,
+    last: Mutex<Last>,
+}
+
+/// The stage under way and when it began, and when a line was printed.
+struct Last {
+    stage: String,
+    since: Instant,
+    line: Instant,
 }
 
 impl Shown {
     fn new() -> anyhow::Result<Self> {
-        let bar = ProgressBar::new(0)
-            .with_style(ProgressStyle::with_template("{msg:<24} {bar:32} {pos}/{len} {elapsed}")?);
+        let template = "{msg:<24} {bar:32} {pos}/{len} {elapsed}, {eta} left";
+        let bar = ProgressBar::new(0).with_style(ProgressStyle::with_template(template)?);
         bar.enable_steady_tick(Duration::from_millis(200));
         let begun = Instant::now();
-        Ok(Self { bar, begun, last_line: Mutex::new(begun) })
+        let last = Last { stage: String::new(), since: begun, line: begun };
+        Ok(Self { bar, begun, last: Mutex::new(last) })
     }
 
     fn show(&self, stage: &str, done: usize, total: usize) {
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_new = last.stage != stage;
+        if is_new {
+            (last.stage, last.since) = (stage.to_owned(), Instant::now());
+        }
         if !self.bar.is_hidden() {
-            self.bar.set_message(stage.to_owned());
+            if is_new {
+                self.bar.set_message(stage.to_owned());
+                self.bar.reset_eta();
+            }
             self.bar.set_length(total as u64);
             self.bar.set_position(done as u64);
-            return;
-        }
-        let mut last = self.last_line.lock().unwrap_or_else(PoisonError::into_inner);
-        if last.elapsed() >= LINE_EVERY {
-            *last = Instant::now();
-            eprintln!(
-                "{stage}: {done} of {total} after {:.0} s",
-                self.begun.elapsed().as_secs_f64()
-            );
+        } else if last.line.elapsed() >= LINE_EVERY {
+            last.line = Instant::now();
+            let left = left(last.since.elapsed().as_secs_f64(), done, total);
+            let after = self.begun.elapsed().as_secs_f64();
+            eprintln!("{stage}: {done} of {total} after {after:.0} s{left}");
         }
     }
+}
+
+/// The time that a stage of this age still takes, in words; nothing before its first step.
+fn left(seconds: f64, done: usize, total: usize) -> String {
+    if done == 0 {
+        return String::new();
+    }
+    let left = seconds / done as f64 * total.saturating_sub(done) as f64;
+    format!(", {left:.0} s left")
 }
 
 /// The summary, one figure per line.
@@ -125,4 +146,15 @@ fn table(report: &Report) -> String {
     let width = report.summary.keys().map(String::len).max().unwrap_or(0);
     let lines = report.summary.iter().map(|(key, value)| format!("{key:width$}  {value:.4}"));
     lines.collect::<Vec<_>>().join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::left;
+
+    #[test]
+    fn the_time_left_is_that_of_the_steps_left() {
+        assert_eq!(left(30.0, 10, 40), ", 90 s left");
+        assert_eq!(left(30.0, 0, 40), "");
+    }
 }

@@ -251,12 +251,26 @@ impl<'a> Sessions<'a> {
         n: usize,
         progress: Progress<'_>,
     ) -> anyhow::Result<Played> {
+        let trials = (0..n).map(|done| (done % n_objects, done / n_objects));
+        self.play_these(recogniser, trials, progress)
+    }
+
+    /// Plays trials, one after the other: each is an object and a number.
+    ///
+    /// # Errors
+    /// When the sensor does not fit what was trained.
+    pub fn play_these(
+        &self,
+        recogniser: &Recogniser,
+        trials: impl ExactSizeIterator<Item = (usize, usize)>,
+        progress: Progress<'_>,
+    ) -> anyhow::Result<Played> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads).build()?;
+        let n = trials.len();
         let mut steps = Vec::with_capacity(n * self.readings);
         let mut cpu = Some(0.0);
-        for done in 0..n {
+        for (done, (object, trial)) in trials.enumerate() {
             progress("trials", done, n);
-            let (object, trial) = (done % n_objects, done / n_objects);
             let readings = self.presented(object, trial);
             let (played, seconds) = pool.install(|| {
                 let begun = thread_seconds();

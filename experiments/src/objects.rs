@@ -8,6 +8,7 @@ use palpate_core::reading::{Reading, SensorId};
 use palpate_core::sensor::SensorDescription;
 use palpate_core::symmetry::Symmetry;
 use palpate_core::units::MM;
+use palpate_sim::kept::{Cause, Kept};
 use palpate_sim::mesh::{Mesh, MeshFormat};
 use palpate_sim::noise::NoiseLevel;
 use palpate_sim::press::{PressConfig, PressSimulator};
@@ -102,6 +103,34 @@ pub fn touch(
     seed: u64,
 ) -> anyhow::Result<Vec<Reading>> {
     touch_in_noise(object, sensor, NoiseLevel::NONE, n, seed)
+}
+
+/// `n` readings for training and some for tests, by two seeds, as by [`touch`]: those that were
+/// kept, or new ones, which are kept.
+///
+/// # Errors
+/// As [`touch`]; the outer ones when the folder cannot be used.
+pub fn touch_or_read(
+    object: &TestObject,
+    sensor: &SensorDescription,
+    ([n_train, n_test], seeds): ([usize; 2], [u64; 2]),
+    kept: Option<&Kept>,
+) -> std::io::Result<anyhow::Result<[Vec<Reading>; 2]>> {
+    let simulator = PressSimulator::new(object.mesh.clone(), sensor.clone());
+    let config = SamplerConfig::for_simulator(&simulator);
+    let cause = kept.map(|kept| (kept, Cause::new(&simulator, &config, &(n_train, n_test, seeds))));
+    if let Some((kept, cause)) = &cause
+        && let Some(lists) = kept.read(cause, sensor)?
+        && let Ok(both) = lists.try_into()
+    {
+        return Ok(Ok(both));
+    }
+    let touch = |n, seed| sampled(object, &simulator, n, seed, &config);
+    let both = touch(n_train, seeds[0]).and_then(|train| Ok([train, touch(n_test, seeds[1])?]));
+    if let (Some((kept, cause)), Ok([train, test])) = (cause, &both) {
+        kept.write(&cause, &[train, test])?;
+    }
+    Ok(both)
 }
 
 /// `n` readings of every object, as by [`touch`].

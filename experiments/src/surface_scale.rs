@@ -12,6 +12,7 @@
 
 mod chosen;
 mod figures;
+mod learnt;
 mod oracle;
 mod own;
 mod thousand;
@@ -76,10 +77,20 @@ pub struct SurfaceScale {
     /// Takes long.
     #[arg(long)]
     pub thousand: bool,
-    /// Size of the largest catalogue with `--thousand`. Ten thousand take an estimated 5 GB,
-    /// and hours.
+    /// Size of the largest catalogue with `--thousand`. Ten thousand take 5 GB, and hours: keep
+    /// their touches (`--kept`).
     #[arg(long, default_value_t = 1_000, value_parser = count)]
     pub largest: usize,
+    /// A folder that keeps the touches of the objects of `--thousand`: a run that was interrupted
+    /// goes on from there, and so does one with a larger catalogue.
+    #[arg(long, value_name = "DIR")]
+    #[serde(skip)]
+    pub kept: Option<PathBuf>,
+    /// Most sessions with each catalogue of `--thousand`; without it there is one an object, and
+    /// at least 500.
+    #[arg(long, value_parser = count)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sessions_max: Option<usize>,
     /// Wrong sessions per number of touches whose cause is looked for (`oracle`), with the
     /// largest catalogue and with those of `--thousand` from a hundred objects on; 0 for none.
     #[arg(long, default_value_t = 0)]
@@ -189,13 +200,13 @@ pub(crate) fn families(
     touches: &TouchSet,
     report: &mut Report,
     progress: Progress<'_>,
-) -> anyhow::Result<thousand::Learnt> {
+) -> anyhow::Result<learnt::Learnt> {
     let config = SurfaceScale { seed, touches: touches.clone(), ..crate::arguments::defaults() };
     let parents = candidates(&config, PARENTS)?;
     let growth = Growth::up_to(n);
     let parents = thousand::with_assembled(parents, &config, &growth)?;
     let mut objects = Families::new(parents, seed)?;
-    thousand::learn(&config, &growth, &mut objects, report, progress)
+    learnt::learn(&config, &growth, &mut objects, report, progress)
 }
 
 /// The first objects, then the others in an order drawn once for all seeds.

@@ -15,6 +15,7 @@ pub mod press;
 pub mod indent;
 pub mod controller;
 pub mod sampler;
+pub mod kept;
 pub mod symmetry;
 pub mod convergence;
 pub mod arm;

@@ -102,9 +102,9 @@ pub struct Job {
     pub state: JobState,
     /// Present stage.
     pub stage: String,
-    /// Completed units of the stage.
+    /// Objects whose touches were kept when a stop of the server interrupted it last.
     pub done: u64,
-    /// Total units of the stage.
+    /// Unused: 0.
     pub total: u64,
     /// Whether its cancellation was requested.
     pub cancel_requested: bool,

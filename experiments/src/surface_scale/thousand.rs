@@ -2,34 +2,31 @@
 //!
 //! The objects are those of the smaller catalogues but the letters, then procedural ones
 //! (`palpate_sim::shapes::assembled`), then members of the families of both (`families`). To
-//! keep a thousand in memory each is touched 600 times and pairs are tabled among 300 touches.
-//! The appearance space is learnt from the first hundred objects; every other object is made,
-//! touched, mapped and dropped. Exponents are slopes of ln time and ln memory over ln objects.
+//! keep a thousand in memory each is touched 600 times and pairs are tabled among 300 touches
+//! (`learnt`). Exponents are slopes of ln time and ln memory over ln objects.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use anyhow::Context as _;
-use glam::DVec3;
 use palpate_core::reading::Reading;
 use palpate_core::symmetry::Symmetry;
-use palpate_core::training::TrainingSet;
 use palpate_recogniser::belief::prepare;
-use palpate_recogniser::model::SurfaceMap;
+use palpate_recogniser::model::SurfaceModel;
 use palpate_recogniser::model::map::SurfaceLayout;
-use palpate_recogniser::model::{EvidenceCalibration, SurfaceModel};
 use palpate_recogniser::options::SurfaceOptions;
-use palpate_recogniser::train::{SurfaceConfig, learn_space, map_surface};
+use palpate_recogniser::train::SurfaceConfig;
 use palpate_sim::plot::{Line, Panel};
 use palpate_sim::shapes::assembled;
 use serde::Serialize;
 
 use super::figures::resident_bytes;
+use super::learnt::{Learnt, learn};
 use super::oracle::{self, Examined};
-use super::{InCatalogue, LETTER, SurfaceScale, report_left_out};
+use super::{InCatalogue, LETTER, SurfaceScale};
 use crate::families::Families;
 use crate::object_sessions::{Recogniser, Sessions};
-use crate::objects::{self, TestObject};
+use crate::objects::TestObject;
 use crate::played::{Figures, Played};
 use crate::report::{Progress, Report};
 use crate::stated::wilson;
@@ -39,19 +36,19 @@ use crate::statistics::{mean, quantile};
 #[derive(Clone, Debug)]
 pub(super) struct Growth {
     /// Sizes of the catalogues, ascending; each catalogue contains the previous one.
-    counts: Vec<usize>,
+    pub(super) counts: Vec<usize>,
     /// Number of procedural objects.
-    assembled: usize,
+    pub(super) assembled: usize,
     /// Training readings per object.
-    train_readings: usize,
+    pub(super) train_readings: usize,
     /// Patches per object whose pairs are indexed.
-    pair_readings: usize,
+    pub(super) pair_readings: usize,
     /// Test readings per object.
-    test_readings: usize,
+    pub(super) test_readings: usize,
     /// Number of objects from which the appearance space is learnt.
-    space_objects: usize,
+    pub(super) space_objects: usize,
     /// Minimum number of sessions per catalogue; a larger catalogue has one session per object.
-    sessions: usize,
+    pub(super) sessions: usize,
 }
 
 impl Default for Growth {
@@ -72,17 +69,17 @@ impl Growth {
     /// Catalogues of at most this many objects, the largest of exactly as many.
     pub(super) fn up_to(largest: usize) -> Self {
         let usual = Self::default();
-        let smaller = usual.counts.iter().chain(&[3_000]).filter(|count| **count < largest);
+        let smaller = usual.counts.iter().filter(|count| **count < largest);
         Self { counts: smaller.copied().chain([largest]).collect(), ..usual }
     }
 
     /// The size of the largest catalogue.
-    fn largest(&self) -> usize {
+    pub(super) fn largest(&self) -> usize {
         self.counts.last().copied().unwrap_or(0)
     }
 
     /// Configuration of the maps.
-    fn surface(&self) -> SurfaceConfig {
+    pub(super) fn surface(&self) -> SurfaceConfig {
         let layout =
             SurfaceLayout { pair_patches_max: self.pair_readings, ..SurfaceLayout::default() };
         SurfaceConfig { patches_max: self.train_readings, layout }
@@ -144,6 +141,10 @@ pub(super) fn run(
         slope(&measured.iter().map(|m| ((m.count as f64).ln(), value(m).ln())).collect::<Vec<_>>())
     };
     report.summarise("time_exponent", slope(|m| m.ms));
+    if let [.., before, last] = &measured[..] {
+        let exponent = (last.ms / before.ms).ln() / (last.count as f64 / before.count as f64).ln();
+        report.summarise(&format!("time_exponent_{}_to_{}", before.count, last.count), exponent);
+    }
     report.summarise("memory_exponent", slope(|m| m.bytes));
     Ok(panels(&measured))
 }
@@ -184,65 +185,6 @@ fn these(
     Ok(found)
 }
 
-/// All objects of the largest catalogue.
-pub(crate) struct Learnt {
-    pub(crate) model: SurfaceModel,
-    pub(crate) test: Vec<Vec<Reading>>,
-    names: Vec<String>,
-}
-
-/// The model of all objects, and their test readings. Objects that cannot be touched often
-/// enough are left out and named in a row.
-pub(super) fn learn(
-    config: &SurfaceScale,
-    growth: &Growth,
-    objects: &mut Families,
-    report: &mut Report,
-    progress: Progress<'_>,
-) -> anyhow::Result<Learnt> {
-    let (sensor, largest) = (&config.touches.sensor, growth.largest());
-    let (mut test, mut names) = (Vec::with_capacity(largest), Vec::new());
-    // The families never end; if more than half of their members fail, the cause is not the
-    // objects.
-    let mut objects = objects.take(2 * largest);
-    let mut touched = || -> anyhow::Result<Vec<Reading>> {
-        progress("touching objects", test.len(), largest);
-        for object in objects.by_ref() {
-            let object = object?;
-            let touch = |n: usize, seed: u64| objects::touch(&object, sensor, n, seed);
-            let both = touch(growth.train_readings, 2 * config.seed)
-                .and_then(|train| Ok((train, touch(growth.test_readings, 2 * config.seed + 1)?)));
-            match both {
-                Ok((train, tested)) => {
-                    test.push(tested);
-                    names.push(object.name);
-                    return Ok(train);
-                }
-                Err(error) => report_left_out(report, &object, &error),
-            }
-        }
-        anyhow::bail!("{} of {} objects can be touched", test.len(), 2 * largest)
-    };
-    let n_first = growth.space_objects.min(largest);
-    let first: Vec<Vec<Reading>> =
-        (0..n_first).map(|_| touched()).collect::<anyhow::Result<_>>()?;
-    let sets: Vec<TrainingSet<'_>> =
-        first.iter().map(|readings| TrainingSet { readings, sensor }).collect();
-    let space = learn_space(&sets, config.seed)?;
-    let map = |readings: &[Reading]| {
-        let set = TrainingSet { readings, sensor };
-        map_surface(&set, &space, &growth.surface(), Some(DVec3::ZERO)).map(Arc::new)
-    };
-    let mut maps: Vec<Arc<SurfaceMap>> =
-        first.iter().map(|readings| map(readings)).collect::<Result<_, _>>()?;
-    drop(first);
-    while maps.len() < largest {
-        maps.push(map(&touched()?)?);
-    }
-    let model = SurfaceModel::new(space, EvidenceCalibration::default(), maps);
-    Ok(Learnt { model, test, names })
-}
-
 #[derive(Serialize)]
 struct OfFamilies {
     cpu_ms_mean: Option<f64>,
@@ -266,8 +208,8 @@ fn measure(
     let symmetries = vec![Symmetry::NONE; test.len()];
     let mut sessions =
         Sessions::undisturbed(&config.touches.sensor, test, &symmetries, config.seed, READINGS);
-    let n_sessions = growth.sessions.max(count);
-    let played = sessions.play(&surface, count, n_sessions, progress)?;
+    let trials = trials(count, growth.sessions, config.sessions_max);
+    let played = sessions.play_these(&surface, trials.iter().copied(), progress)?;
     let wall = mean(&played.wall_ms());
     let ms = played.cpu_ms.unwrap_or(wall);
     for readings in 1..=READINGS {
@@ -285,7 +227,7 @@ fn measure(
     }
     if count == growth.largest() {
         sessions.threads = 2;
-        let shared = sessions.play(&surface, count, n_sessions, progress)?;
+        let shared = sessions.play_these(&surface, trials.iter().copied(), progress)?;
         for readings in [2, 3, 4, READINGS] {
             let key = format!("accuracy_{count}_at_{readings}");
             report.summarise(&key, played.accuracy(readings));
@@ -300,6 +242,16 @@ fn measure(
     }
     let (accuracy, bytes) = (played.accuracy(READINGS), surface.bytes() as f64);
     Ok((Measured { count, accuracy, ms, bytes }, played))
+}
+
+/// The trials with a catalogue, object and number: at least `least`, one an object in a larger
+/// catalogue, at most `most`, of objects evenly chosen.
+fn trials(n_objects: usize, least: usize, most: Option<usize>) -> Vec<(usize, usize)> {
+    let n = least.max(n_objects).min(most.unwrap_or(usize::MAX));
+    match n < n_objects {
+        true => (0..n).map(|at| (at * n_objects / n, 0)).collect(),
+        false => (0..n).map(|at| (at % n_objects, at / n_objects)).collect(),
+    }
 }
 
 /// Slope of the least-squares line through points.
@@ -378,10 +330,17 @@ mod tests {
     }
 
     #[test]
+    fn trials_are_of_all_objects_or_of_some_evenly_chosen() {
+        assert_eq!(trials(2, 3, None), [(0, 0), (1, 0), (0, 1)]);
+        assert_eq!(trials(4, 3, None).len(), 4);
+        assert_eq!(trials(10, 3, Some(4)), [(0, 0), (2, 0), (5, 0), (7, 0)]);
+    }
+
+    #[test]
     fn a_larger_catalogue_adds_to_the_smaller_ones() {
         assert_eq!(Growth::up_to(1_000).counts, Growth::default().counts);
         assert_eq!(Growth::up_to(200).counts, [10, 50, 100, 200]);
         let all = Growth::up_to(10_000).counts;
-        assert_eq!(all, [10, 50, 100, 300, 1_000, 3_000, 10_000]);
+        assert_eq!(all, [10, 50, 100, 300, 1_000, 10_000]);
     }
 }

@@ -3,14 +3,15 @@
 //!
 //! Robots in a session therefore do not wait for them. The store has each job's state; the
 //! progress of the running one is in memory and streamed. A job interrupted by a stop of the
-//! server is restarted once; its request makes it the same work. Servers that share a store divide
-//! the jobs among them (`elsewhere`).
+//! server goes on after it (`interruption`); its request makes it the same work. Servers that share
+//! a store divide the jobs among them (`elsewhere`).
 
 mod control;
 mod draft;
 mod elsewhere;
 mod ending;
 pub(crate) mod error;
+mod interruption;
 mod plan;
 mod recalibration;
 mod shadow;
@@ -22,6 +23,7 @@ use std::time::Duration;
 use control::{CANCEL, Control, LOST, OVERDUE, SUSPEND};
 use dashmap::DashMap;
 use ending::Ending;
+use interruption::Touched;
 use palpate_schemas as wire;
 use palpate_schemas::StartTraining;
 use palpate_store::database::Database;
@@ -54,9 +56,6 @@ const CANCEL_PATIENCE: Duration = Duration::from_secs(5);
 /// Interval at which jobs of other servers are looked at. Chosen: a fraction of the time for which
 /// a server that died still counts as their worker.
 const LOOK_EVERY: Duration = Duration::from_secs(2);
-/// Marks a job that was interrupted by a stop of the server and queued again.
-const INTERRUPTED: &str = "interrupted by a stop of the server";
-
 /// All jobs.
 pub(crate) struct Jobs {
     store: Database,
@@ -73,6 +72,7 @@ pub(crate) struct Jobs {
     queue_max: usize,
     /// Time limit of a training.
     within: Duration,
+    touched: Touched,
 }
 
 impl Jobs {
@@ -102,6 +102,7 @@ impl Jobs {
             starting: tokio::sync::Mutex::new(()),
             queue_max: config.training_queue_max.max(1),
             within: config.training_time_max,
+            touched: Touched::in_folder(config.data.join("touches")),
         })
     }
 
@@ -126,6 +127,8 @@ impl Jobs {
             };
             self.unfinished.insert(job.id, Arc::new(Control::new(shown(&job))));
         }
+        let unfinished: Vec<Uuid> = self.unfinished.iter().map(|entry| *entry.key()).collect();
+        self.touched.forget_all_but(&unfinished);
         self.wake.notify_one();
         Ok(())
     }
@@ -293,34 +296,6 @@ impl Jobs {
         }
     }
 
-    /// Handles a job that was running when the server stopped.
-    async fn after_interruption(&self, job: Job) -> Result<Option<Job>, StoreError> {
-        let made = self.catalogues.made_by(&job.catalogue, job.id)?;
-        let again = made.is_none() && job.error.is_none() && !job.cancel_requested;
-        let table = self.store.jobs();
-        let changed = table.update(job.id, |now| {
-            if now.state != JobState::Running {
-                return Err(StoreError::Changed { what: "job", id: job.id });
-            }
-            now.version = made;
-            now.finished_at_ms = (!again).then(now_ms);
-            now.error = Some(INTERRUPTED.to_owned());
-            now.state = match made {
-                Some(_) => JobState::Succeeded,
-                None if again => JobState::Queued,
-                None if job.cancel_requested => JobState::Cancelled,
-                None => JobState::Failed,
-            };
-            Ok(())
-        });
-        let job = changed.await??;
-        tracing::warn!(job.id = %job.id, "Job {} was {INTERRUPTED}: {:?} now", job.id, job.state);
-        if !again && self.control(job.id).is_some() {
-            self.conclude(&job);
-        }
-        Ok(again.then_some(job))
-    }
-
     async fn run(self: &Arc<Self>, (job, lease): (Job, Lease), stopping: watch::Receiver<bool>) {
         let id = job.id;
         let Some(control) = self.control(id) else { return };
@@ -340,8 +315,8 @@ impl Jobs {
                     "Stopped job {id}: the store was out of reach, another server may have it");
             }
             Err(TrainingFailure::Stopped) if control.is_ordered(SUSPEND) => {
-                control.release();
-                return tracing::info!(job.id = %id, "Suspended job {id}: the server stops");
+                self.suspended(id).await;
+                return control.release();
             }
             Err(TrainingFailure::Stopped) if control.is_ordered(OVERDUE) => {
                 let within = self.within.as_secs();
@@ -364,6 +339,7 @@ impl Jobs {
     /// Notifies the followers of a finished job, and forgets it.
     fn conclude(&self, job: &Job) {
         metrics::counter!("palpate_jobs_total", "state" => format!("{:?}", job.state)).increment(1);
+        self.touched.forget(job.id);
         let reason = job.error.as_deref().unwrap_or("as asked");
         tracing::info!(job.id = %job.id, "Job {} ended {:?}: {reason}", job.id, job.state);
         if let Some((_, control)) = self.unfinished.remove(&job.id) {

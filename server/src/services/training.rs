@@ -9,6 +9,7 @@ mod base;
 mod check;
 mod failure;
 mod geometry;
+mod keeping;
 mod material;
 mod skipping;
 mod surface;
@@ -41,6 +42,7 @@ use crate::wire::{count, coupling, geometry as wire_geometry};
 pub(crate) use appearance::AppearancePlan;
 pub(crate) use base::Base;
 pub(crate) use failure::TrainingFailure;
+pub(crate) use keeping::Keeping;
 use material::{Material, gather};
 use skipping::Skipped;
 use surface::Decided;
@@ -88,6 +90,8 @@ pub(crate) struct Trained {
 pub(crate) struct Sources<'a> {
     pub(crate) store: &'a Database,
     pub(crate) sensors: &'a Sensors,
+    /// What keeps simulated touches.
+    pub(crate) keeping: Option<&'a Keeping>,
 }
 
 /// Progress function: receives stage, done and total, and may stop the training.

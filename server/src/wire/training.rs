@@ -153,8 +153,9 @@ pub(crate) fn job(job: &stored::Job) -> wire::Job {
         stage: serde_json::from_value(job.stage.as_str().into())
             .ok()
             .filter(|_| state == JobState::Running),
-        done: count(job.done),
-        total: count(job.total),
+        // The progress is known to its worker alone.
+        done: 0,
+        total: 0,
         eta_s: None,
         training,
         recalibration,

@@ -1,5 +1,8 @@
 //! Tests of trainings: jobs, versions, the current one, and resumption after a restart.
 
+use std::path::PathBuf;
+use std::time::Duration;
+
 use reqwest::Method;
 use serde_json::{Value, json};
 
@@ -213,4 +216,84 @@ async fn an_impossible_training_fails_with_a_reason() {
     let job = it.finished(job["id"].as_str().unwrap()).await;
     assert_eq!(job["state"], "failed", "{job}");
     assert!(job["reason"].as_str().unwrap().contains("speck"), "{job}");
+}
+
+/// Three boxes to train from their meshes, in a new job.
+async fn three_boxes(it: &Harness) -> Value {
+    for (name, sides) in [("a", [60.0, 50.0, 40.0]), ("b", [70.0, 30.0, 20.0]), ("c", [50.0; 3])] {
+        it.post("/v1/objects", &json!({"name": name})).await.expect(201);
+        it.put_mesh(name, &off_box(sides)).await.expect(200);
+    }
+    let training = json!({"readings_per_object": 1_000, "seed": 5, "sensor_knowledge": "measured"});
+    it.post("/v1/catalogues/default/trainings", &training).await.expect(202)
+}
+
+/// Files of kept touches of a job.
+fn kept(it: &Harness, job: &Value) -> Vec<PathBuf> {
+    let folder = it.folder().join("touches").join(job["id"].as_str().unwrap());
+    let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
+    let paths = entries.map(|entry| entry.unwrap().path());
+    paths.filter(|path| path.extension().is_some_and(|kind| kind == "touches")).collect()
+}
+
+/// Waits until the touches of `n` objects are kept.
+async fn touched(it: &Harness, job: &Value, n: usize) {
+    for _ in 0..6_000 {
+        if kept(it, job).len() >= n {
+            return;
+        }
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    }
+    panic!("no {n} objects were touched in a minute");
+}
+
+/// What a training made: the surfaces of its objects.
+async fn surfaces(it: &Harness, job: &Value) -> Vec<Value> {
+    let job = it.finished(job["id"].as_str().unwrap()).await;
+    assert_eq!((&job["state"], &job["version"]), (&json!("succeeded"), &json!(1)), "{job}");
+    let mut surfaces = Vec::new();
+    for name in ["a", "b", "c"] {
+        let path = format!("/v1/catalogues/default/versions/1/objects/{name}/map");
+        surfaces.push(it.get(&path).await.expect(200));
+    }
+    surfaces
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_training_goes_on_with_the_touches_of_before_its_stops() {
+    let undisturbed = Harness::start_with(|config| config.training_threads = 1).await;
+    let job = three_boxes(&undisturbed).await;
+    let expected = surfaces(&undisturbed, &job).await;
+    assert!(!undisturbed.folder().join("touches").join(job["id"].as_str().unwrap()).exists());
+
+    let it = Harness::start_with(|config| config.training_threads = 1).await;
+    let job = three_boxes(&it).await;
+    touched(&it, &job, 1).await;
+    let it = it.restart_with(|config| config.training_threads = 1).await;
+    touched(&it, &job, 2).await;
+    // A second orderly stop does not end the job either.
+    let it = it.restart_with(|config| config.training_threads = 1).await;
+    assert_eq!(surfaces(&it, &job).await, expected);
+    assert!(kept(&it, &job).is_empty());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn kept_touches_are_not_taken_again() {
+    let it = Harness::start_with(|config| config.training_threads = 1).await;
+    let job = three_boxes(&it).await;
+    touched(&it, &job, 2).await;
+    let files = kept(&it, &job);
+    let it = it
+        .restart_after(|_| {
+            // Each gets the touches of the other.
+            let [one, two] = [0, 1].map(|at| std::fs::read(&files[at]).unwrap());
+            std::fs::write(&files[0], two).unwrap();
+            std::fs::write(&files[1], one).unwrap();
+        })
+        .await;
+    let undisturbed = Harness::start().await;
+    let other = three_boxes(&undisturbed).await;
+    let (found, expected) = (surfaces(&it, &job).await, surfaces(&undisturbed, &other).await);
+    let equal: Vec<bool> = found.iter().zip(&expected).map(|(a, b)| a == b).collect();
+    assert_eq!(equal.iter().filter(|equal| **equal).count(), 1, "{equal:?}");
 }

@@ -77,6 +77,7 @@ impl Jobs {
 
     /// Tells the followers of a job that another server ended, and forgets it.
     fn ended_elsewhere(&self, job: &Job) {
+        self.touched.forget(job.id);
         if let Some((_, control)) = self.unfinished.remove(&job.id) {
             control.job.send_replace(shown(job));
         }

@@ -72,9 +72,9 @@ impl Jobs {
     ) -> Result<u32, TrainingFailure> {
         let started = Instant::now();
         let plan = self.plan(&job.catalogue, &training).await?;
-        let heard = Arc::clone(control);
+        let (heard, keeping) = (Arc::clone(control), self.keeping(job.id));
         let work = move |store: &Database, sensors: &Arc<Sensors>| {
-            let sources = Sources { store, sensors };
+            let sources = Sources { store, sensors, keeping: keeping.as_ref() };
             let progress = |stage, done, total| heard.tell(stage, done, total);
             let trained = train(&plan, &sources, &progress)?;
             let ids: Vec<Uuid> = trained.objects.iter().map(|object| object.id).collect();

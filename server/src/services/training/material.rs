@@ -11,6 +11,7 @@ use palpate_core::training::TrainingSet;
 use palpate_recogniser::belief::calibrate::READINGS;
 use palpate_recogniser::belief::hold_out;
 use palpate_schemas::JobStage;
+use palpate_sim::kept::Cause;
 use palpate_sim::mesh::Mesh;
 use palpate_sim::press::PressSimulator;
 use palpate_sim::sampler::family::{sample_family, sample_runs};
@@ -160,7 +161,7 @@ fn n_touches(plan: &Plan) -> usize {
     plan.readings_per_object + n_runs(plan) * READINGS
 }
 
-/// Touches an object's mesh in simulation.
+/// Touches an object's mesh in simulation, or reads the touches that were kept.
 fn touch(
     plan: &Plan,
     index: usize,
@@ -169,42 +170,53 @@ fn touch(
     done: &AtomicUsize,
     progress: &Progress<'_>,
 ) -> Result<Material, TrainingFailure> {
-    let name = || object.name.clone();
-    let mesh = mesh(object.id, sources, &name)?;
+    let mesh = mesh(object.id, sources, &|| object.name.clone())?;
     let (origin, size) = (mesh.centroid(), mesh.largest_dimension());
     let symmetry = plan.surface.then(|| symmetry::of_mesh(&mesh).seen_from(origin));
     let simulator = PressSimulator::new(mesh, plan.sensor.description.clone());
     let planar = geometry::planar_presses(plan, index, object, &simulator)?;
     let config = SamplerConfig::for_simulator(&simulator);
-    let total = plan.objects.len() * n_touches(plan);
-    let mut counted = 0;
-    let mut hear = |taken: usize| {
-        let now = done.fetch_add(taken - counted, Ordering::Relaxed) + (taken - counted);
-        counted = taken;
-        progress(JobStage::Sampling, now, total)
-    };
     let id = SensorId(plan.sensor.id.as_u128());
     let seed = plan.seed.wrapping_add(index as u64);
-    let (family, n) = (plan.family(), plan.readings_per_object);
-    let failed = |source| match source {
-        SampleError::Stopped { .. } => TrainingFailure::Stopped,
-        source => TrainingFailure::Sampling { object: name(), size, source },
-    };
-    let mut trained = |taken: usize, _: usize| hear(taken);
-    let readings = sample_family(&simulator, &family, id, n, seed, &config, &mut trained);
-    let readings = readings.map_err(failed)?;
-    let held_back = match n_runs(plan) {
-        0 => None,
-        runs => {
+    let (family, n, runs) = (plan.family(), plan.readings_per_object, n_runs(plan));
+    let kept = sources
+        .keeping
+        .map(|keeping| (keeping, Cause::new(&simulator, &config, &(id, seed, &family, n, runs))));
+    let read = kept.as_ref().and_then(|(keeping, cause)| {
+        let lists = keeping.read(cause, &plan.sensor.description)?;
+        <[Vec<Reading>; 2]>::try_from(lists).ok()
+    });
+    let [readings, held_back] = match read {
+        Some(lists) => {
+            done.fetch_add(n_touches(plan), Ordering::Relaxed);
+            lists
+        }
+        None => {
+            let total = plan.objects.len() * n_touches(plan);
+            let mut counted = 0;
+            let mut hear = |taken: usize| {
+                let now = done.fetch_add(taken - counted, Ordering::Relaxed) + (taken - counted);
+                counted = taken;
+                progress(JobStage::Sampling, now, total)
+            };
+            let mut trained = |taken: usize, _: usize| hear(taken);
+            let failed = |source| failure(object, size, source);
+            let readings = sample_family(&simulator, &family, id, n, seed, &config, &mut trained);
+            let readings = readings.map_err(failed)?;
             let mut held = |taken: usize, _: usize| hear(n + taken);
             let runs = (runs, READINGS);
             let taken = sample_runs(&simulator, &family, id, runs, seed, &config, &mut held);
-            Some(taken.map_err(failed)?)
+            let lists = [readings, taken.map_err(failed)?];
+            if let Some((keeping, cause)) = kept {
+                keeping.write(&cause, &[&lists[0], &lists[1]]);
+            }
+            lists
         }
     };
     let sensor = Arc::clone(&plan.sensor);
     let (object, origin, features) = (object.clone(), Some(origin), Vec::new());
     let touched = Touched { size, ..Touched::of(&readings, &sensor.description, true) };
+    let held_back = (runs > 0).then_some(held_back);
     Ok(Material {
         object,
         readings,
@@ -216,6 +228,13 @@ fn touch(
         held_back,
         planar,
     })
+}
+
+fn failure(object: &VersionObject, size: f64, source: SampleError) -> TrainingFailure {
+    match source {
+        SampleError::Stopped { .. } => TrainingFailure::Stopped,
+        source => TrainingFailure::Sampling { object: object.name.clone(), size, source },
+    }
 }
 
 /// The mesh of an object, metres.
