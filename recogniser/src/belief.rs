@@ -29,6 +29,7 @@ mod stage;
 mod stated_search;
 mod stop_fit;
 mod surface_belief;
+mod work;
 
 pub use checkpoint::NotCheckpoint;
 pub use common::prepare;

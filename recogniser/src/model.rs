@@ -27,6 +27,8 @@ pub mod voxels;
 
 use std::sync::Arc;
 
+use palpate_core::symmetry::Symmetry;
+
 pub use appearance::AppearanceSpace;
 pub use calibration::{CalibrationBasis, EvidenceCalibration, EvidenceStage};
 pub use map::SurfaceMap;
@@ -59,8 +61,8 @@ impl SurfaceModel {
         calibration: EvidenceCalibration,
         maps: Vec<Arc<SurfaceMap>>,
     ) -> Self {
-        let is_large = maps.len() >= JOINT_OBJECTS_MIN;
-        let joint_pairs = is_large.then(|| Arc::new(JointPairs::build(&maps)));
+        let joint_pairs =
+            (maps.len() >= JOINT_OBJECTS_MIN).then(|| Arc::new(JointPairs::build(&maps)));
         let self_matches = Arc::new(SelfMatches::new(maps.len()));
         Self { space, calibration, maps, joint_pairs, self_matches }
     }
@@ -86,6 +88,30 @@ impl SurfaceModel {
     #[must_use]
     pub fn maps(&self) -> &[Arc<SurfaceMap>] {
         &self.maps
+    }
+
+    /// The number of objects.
+    #[must_use]
+    pub fn n_objects(&self) -> usize {
+        self.maps.len()
+    }
+
+    /// Whether the catalogue is large, so that it has a joint pair table.
+    #[must_use]
+    pub fn is_large(&self) -> bool {
+        self.n_objects() >= JOINT_OBJECTS_MIN
+    }
+
+    /// The symmetry of an object.
+    #[must_use]
+    pub fn symmetry(&self, object: usize) -> &Symmetry {
+        self.maps[object].symmetry()
+    }
+
+    /// [`SurfaceMap::radius`] of an object, metres.
+    #[must_use]
+    pub fn radius(&self, object: usize) -> f32 {
+        self.maps[object].radius()
     }
 
     /// The joint pair table; `None` when there are few objects.

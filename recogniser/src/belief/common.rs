@@ -39,7 +39,7 @@ impl Common {
         options: SurfaceOptions,
         prior: Option<&[f64]>,
     ) -> Result<Self, MismatchError> {
-        let log_objects = log_prior(prior, model.maps().len())?;
+        let log_objects = log_prior(prior, model.n_objects())?;
         let options = options.widened(model.calibration.width);
         Ok(Self {
             kernel: Kernel::new(&options),
