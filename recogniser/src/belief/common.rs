@@ -6,7 +6,7 @@ use palpate_core::belief::{MismatchError, log_prior};
 use palpate_core::stop::Stop;
 
 use super::object::ObjectBelief;
-use crate::model::SurfaceModel;
+use crate::model::{SurfaceMap, SurfaceModel};
 use crate::observe::observation::{Observation, Says};
 use crate::observe::press_space::PressSpace;
 use crate::options::SurfaceOptions;
@@ -73,8 +73,10 @@ impl Common {
 
     /// The self-match score of an object by touches that say this much, ln per touch.
     pub(super) fn self_match(&self, object: usize, says: Says) -> f64 {
-        let (map, space) = (&self.model.maps()[object], &self.model.space);
-        let find = || null_model::self_match(map, space, &self.kernel, &self.options, says);
+        let space = &self.model.space;
+        let find = |map: &SurfaceMap| {
+            null_model::self_match(map, space, &self.kernel, &self.options, says)
+        };
         f64::from(self.model.self_match(object, says as usize, find))
     }
 

@@ -2,6 +2,8 @@
 //!
 //! [`Component::add`] is the algorithm: observe, propose, verify, refine, weigh.
 
+use std::collections::BTreeSet;
+
 use palpate_core::log_prob::log_sum_exp;
 use palpate_core::reading::Looseness;
 
@@ -12,6 +14,7 @@ use super::pair_weight::{pair_evidence, usual_density};
 use super::positions;
 use super::posterior::{Explained, n_weighed, posterior};
 use super::retrieval::{n_candidates, retrieval_bar, retrieve};
+use super::scatter::perform;
 use super::search::{Scope, best_explanation, best_to_refine, bound, evidence_bar, merge_all};
 use super::stage::Stage;
 use super::work::Work;
@@ -271,8 +274,8 @@ impl Component {
 
     /// Looks the newest touch up in the joint table with each partner; `None` without a table.
     fn retrieve(&mut self, common: &Common, partners: &[usize], all: bool) -> Option<Vec<f32>> {
-        let joint = common.model.joint_pairs()?;
-        retrieve(&mut self.objects, joint, &self.touches, partners, all, &common.options)
+        let options = &common.options;
+        retrieve(&mut self.objects, &common.model, &self.touches, partners, all, options)
     }
 
     fn refine(&mut self, common: &Common) {
@@ -333,10 +336,15 @@ impl Component {
         self.restate();
     }
 
+    /// Leaves objects out.
+    pub(super) fn leave_out(&mut self, missing: &BTreeSet<usize>) {
+        missing.iter().for_each(|index| self.objects[*index].leave_out());
+    }
+
     /// Does work on the objects by all observations.
     fn work(&mut self, common: &Common, work: &Work) {
         let evidence = common.evidence(&self.touches, &self.spaces);
-        work.run(&mut self.objects, &evidence);
+        perform(work, &mut self.objects, &evidence, &common.model);
     }
 
     /// The inputs of the posterior.

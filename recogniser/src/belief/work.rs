@@ -107,6 +107,44 @@ impl Work {
     }
 }
 
+impl Work {
+    /// Whether it may change an object, the `index`th.
+    pub(super) fn concerns(&self, index: usize, object: &ObjectBelief) -> bool {
+        match self {
+            Self::WeighAppearance { .. } | Self::WeighStated { .. } => true,
+            Self::ScoreAnew { .. } | Self::AddNewest { .. } => !object.hypotheses.is_empty(),
+            Self::Propose { partners, scope } => !partners.is_empty() && scope.has(object),
+            Self::ProposeByPositions { scope, .. } => scope.has(object),
+            Self::ProposeStated { evidence_min, .. } => object.log_evidence >= *evidence_min,
+            Self::Settle { chosen } => chosen[index] != 0,
+        }
+    }
+
+    /// The same work on these objects alone.
+    pub(super) fn only(&self, objects: &[usize]) -> Self {
+        match self {
+            Self::Settle { chosen } => {
+                Self::Settle { chosen: objects.iter().map(|object| chosen[*object]).collect() }
+            }
+            other => other.clone(),
+        }
+    }
+
+    /// Whether it can be done by this many touches on this many objects.
+    pub(super) fn fits(&self, n_touches: usize, n_objects: usize) -> bool {
+        match self {
+            Self::Propose { partners, .. } => {
+                partners.iter().all(|partner| partner.index.saturating_add(1) < n_touches)
+            }
+            Self::WeighStated { .. } | Self::ProposeStated { .. } => n_touches > 0,
+            Self::Settle { chosen } => chosen.len() == n_objects,
+            _ => true,
+        }
+    }
+}
+
+mod coded;
+
 /// The statement of a session, which all its objects share.
 pub(super) fn stated_of(objects: &[ObjectBelief]) -> Option<Arc<StatedPrior>> {
     let of = |object: &ObjectBelief| Some(Arc::clone(&object.motion_prior.stated.as_ref()?.prior));
