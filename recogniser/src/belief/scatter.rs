@@ -37,7 +37,7 @@ fn scatter(work: &Work, objects: &mut [ObjectBelief], evidence: &Evidence<'_>, p
     if blocks.is_empty() {
         return;
     }
-    let begun = work_begun(evidence);
+    let begun = work_begun(&work.read_of(evidence));
     let request = |of_block: &&[usize]| {
         (block_of(of_block[0]), work_request(begun.clone(), work, objects, of_block))
     };

@@ -120,6 +120,20 @@ impl Work {
         }
     }
 
+    /// The part of the evidence that it reads.
+    pub(super) fn read_of<'a>(&self, evidence: &Evidence<'a>) -> Evidence<'a> {
+        let Evidence { touches, spaces, .. } = *evidence;
+        let newest = &touches[touches.len().saturating_sub(1)..];
+        let press = &spaces[spaces.len().saturating_sub(1)..];
+        let (touches, spaces) = match self {
+            Self::WeighAppearance { .. } | Self::WeighStated { .. } => (touches, &[][..]),
+            Self::AddNewest { is_touch: true } => (newest, press),
+            Self::AddNewest { is_touch: false } => (&[][..], press),
+            _ => (touches, spaces),
+        };
+        Evidence { touches, spaces, ..*evidence }
+    }
+
     /// The same work on these objects alone.
     pub(super) fn only(&self, objects: &[usize]) -> Self {
         match self {

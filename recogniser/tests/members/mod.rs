@@ -40,7 +40,7 @@ pub(crate) static WHOLE: LazyLock<Arc<SurfaceModel>> = LazyLock::new(|| {
         let config = SurfaceConfig::default();
         let map = map_surface(&set, &MODEL.space, &config, Some(DVec3::ZERO)).unwrap();
         let half = Symmetry::through(DVec3::ZERO, &[(DVec3::Z, AxisOrder::Finite(2))]);
-        Arc::new(if index % 3 == 0 { map.with_symmetry(half) } else { map })
+        Arc::new(if index.is_multiple_of(3) { map.with_symmetry(half) } else { map })
     };
     Arc::new(MODEL.with_maps((0..N_OBJECTS).map(map).collect()))
 });
