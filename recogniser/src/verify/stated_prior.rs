@@ -3,18 +3,19 @@
 //! Equations R32 and R33 of docs/recogniser.md. All densities are ratios to the uniform prior: a
 //! place anywhere in the workspace volume, turned any way. So no statement is 1, ln 0.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3, Mat3, Quat, Vec3};
-use nalgebra::{Cholesky, Matrix3, Matrix6, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use palpate_core::object::ObjectIdx;
 use palpate_core::reading::Looseness;
 
-use super::gaussian::{inside, normalizer, normals, quasi_normal, share_inside, single};
+use super::gaussian::{inside, normals, quasi_normal, single};
 use crate::observe::inverse_pose::InversePose;
 use crate::options::SurfaceOptions;
 use crate::pose_prior::{PoseHypothesis, PosePrior, PosePriorError, Workspace, block};
+use posed::{GivenTurn, StatedPose};
 
 /// Squared deviations beyond which a hypothesis says nothing: its density is below e⁻²⁵ of the peak.
 const FAR: f32 = 50.0;
@@ -149,26 +150,6 @@ pub(crate) struct StatedPrior {
     poses: Vec<StatedPose>,
     /// The workspace relative to the anchor.
     bounds: Option<[Vec3; 2]>,
-}
-
-/// A hypothesis relative to the anchor.
-#[derive(Clone, Debug)]
-struct StatedPose {
-    object: Option<ObjectIdx>,
-    weight: f32,
-    rotation: Quat,
-    translation: Vec3,
-    covariance: Matrix6<f64>,
-    /// The inverse of the Cholesky factor of the covariance: blocks of place, place to rotation,
-    /// and rotation.
-    whitening: [Mat3; 3],
-    /// ln of the peak of the density.
-    log_peak: f32,
-    /// Factor of the density of a place: at most the workspace is as wide as can be, and only the
-    /// part inside the box counts.
-    scale: f64,
-    /// Largest squared distance at which it says anything, m².
-    reach: f32,
 }
 
 impl StatedPrior {
@@ -329,76 +310,6 @@ impl StatedPrior {
     }
 }
 
-impl StatedPose {
-    fn new(
-        hypothesis: &PoseHypothesis,
-        covariance: Matrix6<f64>,
-        anchor: DVec3,
-        statement: &Statement,
-        volume: f64,
-        normals: &[Vector3<f64>],
-    ) -> Option<Self> {
-        let pose = &hypothesis.session_from_object;
-        let factor = Cholesky::new(covariance)?.l();
-        let white = factor.try_inverse()?;
-        let place = block(&covariance, 0, 0);
-        let occupied = TAU.powf(1.5) * place.determinant().sqrt();
-        let inside = statement
-            .prior
-            .workspace
-            .map_or(1.0, |space| share_inside(&place, pose.translation, space));
-        let scale = (occupied / volume).max(1.0) / inside.max(INSIDE_MIN);
-        let turns = normalizer(&block(&covariance, 3, 3), normals);
-        let root: f64 = (0..6).map(|n| factor[(n, n)].ln()).sum();
-        let uniform = (volume * 8.0 * PI * PI).ln();
-        let log_peak = uniform + scale.ln() - 3.0 * TAU.ln() - root - turns.ln();
-        Some(Self {
-            object: hypothesis.object,
-            weight: hypothesis.weight as f32,
-            rotation: pose.rotation.as_quat(),
-            translation: (pose.translation - anchor).as_vec3(),
-            covariance,
-            whitening: [(0, 0), (3, 0), (3, 3)].map(|(r, c)| single(&block(&white, r, c))),
-            log_peak: log_peak as f32,
-            scale,
-            reach: FAR * place.trace() as f32,
-        })
-    }
-
-    /// The distribution of the place given the rotation; `None` for a covariance that is none.
-    fn given_turn(&self) -> Option<GivenTurn> {
-        let (place, cross) = (block(&self.covariance, 0, 0), block(&self.covariance, 0, 3));
-        let turn = block(&self.covariance, 3, 3);
-        let factor = Cholesky::new(turn)?.l();
-        let gain = cross * turn.try_inverse()?;
-        let left = place - gain * cross.transpose();
-        Some(GivenTurn { factor, gain, left, inverse: left.try_inverse()? })
-    }
-
-    /// Density of a pose that lies `off` the mean.
-    fn density(&self, off: Vec3, pose: &InversePose) -> f32 {
-        let [place, across, turn] = self.whitening;
-        let rotation = Quat::from_mat3(&pose.object_from_session).conjugate();
-        let turned = rotation * self.rotation.conjugate();
-        let turned = if turned.w < 0.0 { -turned } else { turned };
-        let square = (place * off).length_squared()
-            + (across * off + turn * turned.to_scaled_axis()).length_squared();
-        if square > FAR { 0.0 } else { (self.log_peak - 0.5 * square).exp() }
-    }
-}
-
-/// The place of an object given its rotation.
-struct GivenTurn {
-    /// Cholesky factor of the covariance of the rotation.
-    factor: Matrix3<f64>,
-    /// Place per rotation.
-    gain: Matrix3<f64>,
-    /// Covariance of the place that is left.
-    left: Matrix3<f64>,
-    /// Its inverse.
-    inverse: Matrix3<f64>,
-}
-
 /// Rotations of a hypothesis, and the distribution of the place given each.
 #[derive(Clone, Debug)]
 pub(crate) struct Drawn {
@@ -417,5 +328,6 @@ impl Drawn {
 }
 
 mod coded;
+mod posed;
 #[cfg(test)]
 mod tests;
