@@ -226,6 +226,7 @@ impl AppearanceBelief {
             n_readings: self.n_readings,
             sensor_shift: None,
             image_doubt: None,
+            missing: Vec::new(),
         }
     }
 

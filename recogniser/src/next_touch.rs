@@ -14,6 +14,9 @@ pub mod interest;
 #[cfg(test)]
 mod tests;
 
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
 use glam::DVec3;
 use thiserror::Error;
 
@@ -41,6 +44,9 @@ const SCATTER_OF_POSES: (f32, f32) = (2.5 * MM as f32, 0.25);
 
 /// Variance of an outcome's appearance, relative to that between two touches of one place.
 const SCATTER_OF_APPEARANCE: f32 = 4.0;
+
+/// Maps by the indices of their objects.
+type MapsOf = BTreeMap<usize, Arc<SurfaceMap>>;
 
 /// A press that a robot can make: from a pose along its own +z until contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -150,6 +156,8 @@ const KNOWN_MIN: f64 = 1e-9;
 
 /// Ranks `given` approaches, or our own if there are none, by equation R27.
 ///
+/// Samples of objects whose map does not come are left out.
+///
 /// `should_stop` is called before every approach but the first; the approaches evaluated until
 /// then are ranked. Equal arguments give equal answers if the same number is evaluated.
 ///
@@ -170,6 +178,8 @@ pub fn rank(
         (0, Some(workspace)) => anywhere_in(belief, &workspace, options.n_hypotheses, &mut stream),
         _ => belief.samples(options.n_hypotheses, &mut stream),
     };
+    let maps = belief.model().maps_of(&samples.iter().map(PoseSample::index).collect());
+    samples.retain(|sample| maps.contains_key(&sample.index()));
     let total: f64 = samples.iter().map(|sample| sample.probability).sum();
     if total > 0.0 {
         let known = (1.0 - unknown).max(KNOWN_MIN);
@@ -179,7 +189,7 @@ pub fn rank(
     let approaches = match given {
         Some(given) => given,
         None => {
-            own = own_approaches(belief.model(), &samples, options, &mut stream);
+            own = own_approaches(&maps, &samples, options, &mut stream);
             own.as_slice()
         }
     };
@@ -190,7 +200,7 @@ pub fn rank(
         if index > 0 && should_stop() {
             break;
         }
-        let outcomes = outcomes(belief, &samples, approach, &hand);
+        let outcomes = outcomes(&maps, &samples, approach, &hand);
         let bits = information(&outcomes, unknown as f32, &scatter);
         ranked.push(Ranked {
             index,
@@ -207,13 +217,12 @@ pub fn rank(
 
 /// The outcome of an approach under each sample.
 fn outcomes(
-    belief: &SurfaceBelief,
+    maps: &MapsOf,
     samples: &[PoseSample],
     approach: &Approach,
     hand: &Hand,
 ) -> Vec<Outcome> {
-    let maps = belief.model().maps();
-    let of = |sample: &PoseSample| outcome(&maps[sample.object.0 as usize], sample, approach, hand);
+    let of = |sample: &PoseSample| outcome(&maps[&sample.index()], sample, approach, hand);
     samples.iter().map(of).collect()
 }
 
@@ -264,7 +273,7 @@ fn anywhere_in(
     let per_object = (n / shares.len().max(1)).max(1);
     let mut samples = Vec::with_capacity(per_object * shares.len());
     for (object, share) in shares.into_iter().enumerate() {
-        let radius = f64::from(candidates::radius_of(&belief.model().maps()[object]));
+        let radius = f64::from(belief.model().reach(object));
         let room = (workspace.radius - radius).max(0.0);
         for _ in 0..per_object {
             let off = room * stream.uniform(0.0, 1.0).cbrt() * stream.direction();

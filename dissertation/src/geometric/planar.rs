@@ -187,6 +187,7 @@ impl PlanarBelief {
             n_readings,
             sensor_shift: None,
             image_doubt: None,
+            missing: Vec::new(),
         }
     }
 

@@ -3,7 +3,7 @@
 //! A hypothesis represents all that look alike: those in one orbit of the object's symmetry
 //! become one answer with the sum of their probabilities.
 
-use std::sync::Arc;
+use std::collections::BTreeSet;
 
 use glam::DVec3;
 use palpate_core::belief::answer::{Answer, PoseMode, SensorShift};
@@ -15,7 +15,6 @@ use palpate_core::symmetry::Symmetry;
 use super::common::Common;
 use super::image_doubt::image_doubt;
 use super::object::ObjectBelief;
-use crate::model::SurfaceMap;
 use crate::observe::observation::Observation;
 use crate::options::SurfaceOptions;
 use crate::refine::gauss_newton::{refine, uncertainty};
@@ -55,18 +54,23 @@ pub(super) fn answer(
 ) -> Answer {
     let entropy_bits = entropy_bits(&posterior);
     let unknown = posterior.pop().unwrap_or(0.0);
-    let (maps, options) = (common.model.maps(), &common.options);
+    let (model, options) = (&common.model, &common.options);
     let mut poses = Vec::new();
     for (component, of) in components.iter().enumerate() {
         for (object, belief) in of.objects.iter().enumerate() {
-            let (place, symmetry) = ([component, object], maps[object].symmetry());
+            let (place, symmetry) = ([component, object], model.symmetry(object));
             poses.extend(shares(place, of.joint[object], &belief.hypotheses, symmetry, n_modes));
         }
     }
-    let poses = distinct(poses, maps, n_modes, options);
+    let mut poses = distinct(poses, |object| model.symmetry(object), n_modes, options);
+    let posed: BTreeSet<usize> = poses.iter().map(|found| found.object).collect();
+    let maps = model.maps_of(&posed);
+    let missing = posed.into_iter().filter(|object| !maps.contains_key(object));
+    let missing = missing.map(|object| ObjectIdx(object as u32)).collect();
+    poses.retain(|found| maps.contains_key(&found.object));
     let (mut sensor_shift, mut doubt) = (None, None);
     let mode = |Share { share: weight, component, object, hypothesis }: Share| {
-        let (of, map, kernel) = (&components[component], &maps[object], &common.kernel);
+        let (of, map, kernel) = (&components[component], &maps[&object], &common.kernel);
         let (mut refined, n_touches) = (hypothesis, of.touches.len());
         if n_touches >= REFINED_FROM && weight > LIKELY_ENOUGH {
             refine(&mut refined, map, of.touches, kernel, options);
@@ -85,7 +89,7 @@ pub(super) fn answer(
         }
     };
     let modes = poses.into_iter().map(mode).collect();
-    let symmetry = |object: ObjectIdx| maps[object.0 as usize].symmetry();
+    let symmetry = |object: ObjectIdx| model.symmetry(object.0 as usize);
     let modes = merge_orbits(modes, symmetry, &orbit_scale(options));
     let probabilities = posterior;
     Answer {
@@ -96,6 +100,7 @@ pub(super) fn answer(
         n_readings: 0,
         sensor_shift,
         image_doubt: doubt,
+        missing,
     }
 }
 
@@ -132,16 +137,16 @@ fn shares<'a>(
 
 /// At most `n` distinct hypotheses, likeliest first, each with the total share of all hypotheses
 /// that look alike.
-fn distinct(
+fn distinct<'a>(
     mut all: Vec<Share>,
-    maps: &[Arc<SurfaceMap>],
+    symmetry_of: impl Fn(usize) -> &'a Symmetry,
     n: usize,
     options: &SurfaceOptions,
 ) -> Vec<Share> {
     all.sort_by(|a, b| b.share.total_cmp(&a.share).then(a.object.cmp(&b.object)));
     let mut kept: Vec<Share> = Vec::with_capacity(n);
     for found in all {
-        let symmetry = maps[found.object].symmetry();
+        let symmetry = symmetry_of(found.object);
         // Equal poses within a component were merged before.
         let same = |other: &Share| {
             other.object == found.object
@@ -165,13 +170,14 @@ mod tests {
     use glam::{DVec3, Quat, Vec3};
 
     use super::*;
+    use crate::model::SurfaceMap;
     use crate::model::map::SurfaceLayout;
     use palpate_core::symmetry::AxisOrder;
 
-    fn maps() -> Vec<Arc<SurfaceMap>> {
+    fn maps() -> Vec<SurfaceMap> {
         let map = || SurfaceMap::new(DVec3::ZERO, Vec::new(), SurfaceLayout::default());
         let half = Symmetry::through(DVec3::ZERO, &[(DVec3::Z, AxisOrder::Finite(2))]);
-        vec![Arc::new(map().with_symmetry(half)), Arc::new(map())]
+        vec![map().with_symmetry(half), map()]
     }
 
     /// A hypothesis turned by an angle about z; its score is the ln of `weight`.
@@ -188,7 +194,11 @@ mod tests {
         for (object, probability) in [0.6, 0.4].into_iter().enumerate() {
             all.extend(shares([0, object], probability, &hypotheses, maps[object].symmetry(), n));
         }
-        distinct(all, &maps, n, &options).iter().map(|found| (found.object, found.share)).collect()
+        let symmetry = |object: usize| maps[object].symmetry();
+        distinct(all, symmetry, n, &options)
+            .iter()
+            .map(|found| (found.object, found.share))
+            .collect()
     }
 
     #[track_caller]

@@ -60,7 +60,7 @@ pub fn calibrate(
     let usable: Vec<usize> =
         (0..held_back.len()).filter(|o| held_back[*o].readings.len() >= HELD_BACK_MIN).collect();
     let without = |basis| EvidenceCalibration { basis, ..EvidenceCalibration::default() };
-    if model.maps().len() < 2 {
+    if model.n_objects() < 2 {
         return without(CalibrationBasis::OneObject);
     }
     if usable.is_empty() {
@@ -130,7 +130,7 @@ fn run_trial(
     sensor: &SensorDescription,
     options: SurfaceOptions,
 ) -> Vec<Sample> {
-    let n_objects = model.maps().len();
+    let n_objects = model.n_objects();
     let prior: Vec<f64> =
         (0..n_objects).map(|o| f64::from(u8::from(is_known || o != object))).collect();
     let Ok(mut belief) = SurfaceBelief::new(Arc::clone(model), options, Some(&prior)) else {

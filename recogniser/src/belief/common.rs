@@ -6,7 +6,7 @@ use palpate_core::belief::{MismatchError, log_prior};
 use palpate_core::stop::Stop;
 
 use super::object::ObjectBelief;
-use crate::model::SurfaceModel;
+use crate::model::{SurfaceMap, SurfaceModel};
 use crate::observe::observation::{Observation, Says};
 use crate::observe::press_space::PressSpace;
 use crate::options::SurfaceOptions;
@@ -39,7 +39,7 @@ impl Common {
         options: SurfaceOptions,
         prior: Option<&[f64]>,
     ) -> Result<Self, MismatchError> {
-        let log_objects = log_prior(prior, model.maps().len())?;
+        let log_objects = log_prior(prior, model.n_objects())?;
         let options = options.widened(model.calibration.width);
         Ok(Self {
             kernel: Kernel::new(&options),
@@ -73,8 +73,10 @@ impl Common {
 
     /// The self-match score of an object by touches that say this much, ln per touch.
     pub(super) fn self_match(&self, object: usize, says: Says) -> f64 {
-        let (map, space) = (&self.model.maps()[object], &self.model.space);
-        let find = || null_model::self_match(map, space, &self.kernel, &self.options, says);
+        let space = &self.model.space;
+        let find = |map: &SurfaceMap| {
+            null_model::self_match(map, space, &self.kernel, &self.options, says)
+        };
         f64::from(self.model.self_match(object, says as usize, find))
     }
 

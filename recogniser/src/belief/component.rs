@@ -2,28 +2,27 @@
 //!
 //! [`Component::add`] is the algorithm: observe, propose, verify, refine, weigh.
 
+use std::collections::BTreeSet;
+
 use palpate_core::log_prob::log_sum_exp;
 use palpate_core::reading::Looseness;
 
 use super::common::Common;
 use super::motion::Motion;
-use super::object::{ObjectBelief, for_each_object, n_searched, searched};
+use super::object::{ObjectBelief, n_searched, searched};
 use super::pair_weight::{pair_evidence, usual_density};
 use super::positions;
 use super::posterior::{Explained, n_weighed, posterior};
 use super::retrieval::{n_candidates, retrieval_bar, retrieve};
-use super::search::{
-    Scope, add_scores, best_explanation, bound, evidence_bar, propose_poses, refine_best,
-    score_anew,
-};
+use super::scatter::perform;
+use super::search::{Scope, best_explanation, best_to_refine, bound, evidence_bar, merge_all};
 use super::stage::Stage;
+use super::work::Work;
 use crate::model::joint_pairs::TOUCHES_PER_OBJECT;
 use crate::observe::observation::{Observation, Says};
 use crate::observe::press_space::PressSpace;
 use crate::propose::partners::{in_turn, partners};
 use crate::refine::likeness::look_alike;
-use crate::refine::settle::settle;
-use crate::verify::evidence::{Evidence, Known};
 use crate::verify::hypothesis::Hypothesis;
 use stating::Stating;
 
@@ -145,9 +144,7 @@ impl Component {
         if self.touches.is_empty() {
             return;
         }
-        let (objects, evidence) = self.split(common);
-        let press = |known: Known<'_>, pose: &_| evidence.newest_press(known.map, pose);
-        add_scores(objects, &evidence, press);
+        self.work(common, &Work::AddNewest { is_touch: false });
         if self.stage == Stage::Poses {
             self.weigh(common);
         }
@@ -155,26 +152,18 @@ impl Component {
 
     /// The evidence of one touch: its appearance. Equation R17 of docs/recogniser.md, k = 1.
     fn weigh_appearance(&mut self, common: &Common) {
-        let touch = &self.touches[0];
-        if touch.says != Says::All {
+        if self.touches[0].says != Says::All {
             return;
         }
         self.stage = Stage::Appearance;
-        let is_large = common.model.joint_pairs().is_some();
-        let most = if is_large { TOUCHES_PER_OBJECT } else { usize::MAX };
-        for_each_object(&mut self.objects, common.model.maps(), &common.stop, |object, map| {
-            let mut ratios = Vec::new();
-            let n = most.min(map.patches().len());
-            touch.appearance_ratios(map.features(), 0..n, &mut ratios);
-            object.log_evidence = f64::from((ratios.iter().sum::<f32>() / n as f32).ln());
-        });
+        let patches_max = if common.model.is_large() { TOUCHES_PER_OBJECT } else { usize::MAX };
+        self.work(common, &Work::WeighAppearance { patches_max });
         self.weigh_stated(common);
     }
 
     /// Lays the poses of before a move onto the touches since.
     fn follow(&mut self, common: &Common) {
-        let (objects, evidence) = self.split(common);
-        score_anew(objects, &evidence, |hypothesis, known| settle(&evidence, hypothesis, known));
+        self.work(common, &Work::ScoreAnew { settles: true });
     }
 
     /// The first pair proposes poses of all objects, or of the candidates.
@@ -187,8 +176,7 @@ impl Component {
         let asked = in_turn(&[0], shares.as_deref(), 2, &common.options);
         let least = n.map(|n| retrieval_bar(&self.objects, n));
         let scope = Scope::of_first_pair(&self.objects, least, &common.options);
-        let (objects, evidence) = self.split(common);
-        propose_poses(objects, &evidence, &asked, &scope);
+        self.work(common, &Work::Propose { partners: asked, scope });
     }
 
     /// The evidence of two touches: the density of stored pairs like theirs, which is more
@@ -212,16 +200,13 @@ impl Component {
         if self.motion.drift().is_some() {
             self.score_anew(common);
         } else {
-            let (objects, evidence) = self.split(common);
-            let newest = |known: Known<'_>, pose: &_| evidence.newest(known.map, pose);
-            add_scores(objects, &evidence, newest);
+            self.work(common, &Work::AddNewest { is_touch: true });
             self.weigh(common);
         }
     }
 
     fn score_anew(&mut self, common: &Common) {
-        let (objects, evidence) = self.split(common);
-        score_anew(objects, &evidence, |_, _| ());
+        self.work(common, &Work::ScoreAnew { settles: false });
         self.weigh(common);
     }
 
@@ -247,7 +232,7 @@ impl Component {
             return;
         }
         let budget = &options.budget;
-        let is_large = common.model.joint_pairs().is_some();
+        let is_large = common.model.is_large();
         let n_partners = match (is_large, poor || is_rejected, share > LIKELY) {
             (_, false, true) => budget.partners_if_likely,
             (true, _, _) => budget.many.partners,
@@ -266,10 +251,10 @@ impl Component {
         });
         let scope = Scope::in_doubt(&self.objects, reach, least, is_large, options);
         let needs_positions = positions::are_needed(&self.touches);
-        let (objects, evidence) = self.split(common);
-        propose_poses(objects, &evidence, &asked, &scope);
+        self.work(common, &Work::Propose { partners: asked, scope });
         if needs_positions {
-            positions::propose_by_positions(objects, &evidence, &scope);
+            let n_objects = self.objects.len();
+            self.work(common, &Work::ProposeByPositions { scope, n_objects });
         }
         if is_open {
             self.propose_stated(common);
@@ -282,21 +267,21 @@ impl Component {
         let bar = |n| evidence_bar(&self.objects, f64::INFINITY, n);
         let reach = bar(1) - bar(OBJECTS_MAX);
         let asked = in_turn(&partners, None, self.touches.len(), &common.options);
-        let is_large = common.model.joint_pairs().is_some();
+        let is_large = common.model.is_large();
         let scope = Scope::in_doubt(&self.objects, reach, None, is_large, &common.options);
-        let (objects, evidence) = self.split(common);
-        propose_poses(objects, &evidence, &asked, &scope);
+        self.work(common, &Work::Propose { partners: asked, scope });
     }
 
     /// Looks the newest touch up in the joint table with each partner; `None` without a table.
     fn retrieve(&mut self, common: &Common, partners: &[usize], all: bool) -> Option<Vec<f32>> {
-        let joint = common.model.joint_pairs()?;
-        retrieve(&mut self.objects, joint, &self.touches, partners, all, &common.options)
+        let options = &common.options;
+        retrieve(&mut self.objects, &common.model, &self.touches, partners, all, options)
     }
 
     fn refine(&mut self, common: &Common) {
-        let (objects, evidence) = self.split(common);
-        refine_best(objects, &evidence);
+        let chosen = best_to_refine(&self.objects, &common.options);
+        self.work(common, &Work::Settle { chosen });
+        merge_all(&mut self.objects, &common.options);
     }
 
     /// The evidence of three and more touches: the sum over poses and over the case that all
@@ -336,7 +321,7 @@ impl Component {
             return 0.0;
         };
         let Some(best) = belief.hypotheses.first() else { return 0.0 };
-        let (options, symmetry) = (&common.options, common.model.maps()[object].symmetry());
+        let (options, symmetry) = (&common.options, common.model.symmetry(object));
         let alike = belief.hypotheses.iter().filter(|other| {
             other.score > best.score - options.score.alike_within
                 && look_alike(best, other, symmetry, options)
@@ -351,9 +336,15 @@ impl Component {
         self.restate();
     }
 
-    /// The objects, mutable, and the evidence that updates them.
-    fn split<'a>(&'a mut self, common: &'a Common) -> (&'a mut [ObjectBelief], Evidence<'a>) {
-        (&mut self.objects, common.evidence(&self.touches, &self.spaces))
+    /// Leaves objects out.
+    pub(super) fn leave_out(&mut self, missing: &BTreeSet<usize>) {
+        missing.iter().for_each(|index| self.objects[*index].leave_out());
+    }
+
+    /// Does work on the objects by all observations.
+    fn work(&mut self, common: &Common, work: &Work) {
+        let evidence = common.evidence(&self.touches, &self.spaces);
+        perform(work, &mut self.objects, &evidence, &common.model);
     }
 
     /// The inputs of the posterior.

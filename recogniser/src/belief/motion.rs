@@ -67,7 +67,7 @@ pub(super) fn amplitudes(model: &SurfaceModel, scale: &TouchScale) -> [Looseness
 
 /// Radius of the median object, metres.
 pub(super) fn median_radius(model: &SurfaceModel) -> f32 {
-    let mut radii: Vec<f32> = model.maps().iter().map(|map| map.radius()).collect();
+    let mut radii: Vec<f32> = (0..model.n_objects()).map(|o| model.radius(o)).collect();
     radii.sort_unstable_by(f32::total_cmp);
     radii.get(radii.len() / 2).copied().unwrap_or_default().max(HALF)
 }

@@ -102,7 +102,7 @@ fn log_discounted(common: &Common, of: &Explained<'_>, object: usize) -> f64 {
         return 0.0;
     }
     let discounted = counted(common, of).touches - n_weighed(of.touches);
-    let radius = f64::from(common.model.maps()[object].radius().max(HALF));
+    let radius = f64::from(common.model.radius(object).max(HALF));
     let about = 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3);
     discounted * (f64::from(common.options.scale.workspace) / about).ln().max(0.0)
 }

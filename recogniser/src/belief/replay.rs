@@ -83,7 +83,7 @@ pub(super) fn replay(
     let (mut samples, mut steps) = (Vec::new(), Vec::new());
     let ruled_out = past.truth.filter(|_| !task.is_known);
     let prior: Vec<f64> =
-        (0..model.maps().len()).map(|o| f64::from(u8::from(Some(o) != ruled_out))).collect();
+        (0..model.n_objects()).map(|o| f64::from(u8::from(Some(o) != ruled_out))).collect();
     let Ok(mut belief) = SurfaceBelief::new(Arc::clone(model), options, Some(&prior)) else {
         return Trial { task, samples, steps };
     };

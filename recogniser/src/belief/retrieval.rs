@@ -1,10 +1,11 @@
 //! Candidates in a large catalogue: retrieval scores add up from lookup to lookup.
 
 use super::object::{ObjectBelief, n_searched};
-use crate::model::joint_pairs::JointPairs;
+use super::scatter::look_up;
+use crate::model::SurfaceModel;
 use crate::observe::observation::Observation;
 use crate::options::{Budget, SurfaceOptions};
-use crate::propose::retrieval::{estimate, gains, mean_of};
+use crate::propose::retrieval::{gains, mean_of};
 
 /// Objects that are looked up after the second touch, per candidate.
 const LOOKED_UP: usize = 2;
@@ -15,18 +16,21 @@ const EIGHTHS: usize = 8;
 /// Looks the newest touch up with each partner and updates the retrieval scores of all objects,
 /// or only of those with the best scores; the others keep theirs. Returns for each partner the
 /// share of an object's pairs with about the observed geometry (mean over the objects looked
-/// up); `None` when there is no newest touch.
+/// up); `None` when there is no newest touch, and in a small catalogue.
 ///
 /// Equation R19 of docs/recogniser.md.
 pub(super) fn retrieve(
     objects: &mut [ObjectBelief],
-    joint: &JointPairs,
+    model: &SurfaceModel,
     touches: &[Observation],
     partners: &[usize],
     all: bool,
     options: &SurfaceOptions,
 ) -> Option<Vec<f32>> {
     let [earlier @ .., newest] = touches else { return None };
+    if !model.is_large() {
+        return None;
+    }
     let n_listed = options.budget.n_listed(n_searched(objects));
     let bar = match all {
         true => f64::NEG_INFINITY,
@@ -34,10 +38,12 @@ pub(super) fn retrieve(
     };
     let is_wanted = |object: &ObjectBelief| !object.is_ruled_out && object.retrieval_score >= bar;
     let wanted: Vec<bool> = objects.iter().map(is_wanted).collect();
-    let n_wanted = wanted.iter().filter(|wanted| **wanted).count().max(1);
     let partners: Vec<&Observation> = partners.iter().map(|n| &earlier[*n]).collect();
+    let found = look_up(objects, model, newest, &partners, &wanted, options);
+    let looked_up = objects.iter().zip(&wanted).filter(|(o, wanted)| **wanted && !o.is_ruled_out);
+    let n_wanted = looked_up.count().max(1);
     let mut shares = Vec::with_capacity(partners.len());
-    for estimates in estimate(joint, newest, &partners, &wanted, options) {
+    for estimates in found {
         shares.push(mean_of(&estimates, n_wanted, |estimate| estimate.geometry));
         let Some(gains) = gains(&estimates, options.retrieval_floor) else { continue };
         for ((object, estimate), gain) in objects.iter_mut().zip(&estimates).zip(gains) {
@@ -92,8 +98,7 @@ mod tests {
         options.budget.many.listed_per_root = 1;
         let object = |n| ObjectBelief { retrieval_score: -f64::from(n), ..ObjectBelief::new(0.0) };
         let mut objects: Vec<ObjectBelief> = (0..40).map(object).collect();
-        let joint = model.joint_pairs().unwrap();
-        let shares = retrieve(&mut objects, joint, &touches, &[0], false, &options).unwrap();
+        let shares = retrieve(&mut objects, &model, &touches, &[0], false, &options).unwrap();
         assert!(shares.len() == 1 && (1e-4..0.2).contains(&shares[0]), "{shares:?}");
         let gained = |n: usize| objects[n].retrieval_score + n as f64;
         assert!((14..40).all(|n| gained(n).abs() < 1e-12), "not looked up");
@@ -108,13 +113,12 @@ mod tests {
         let (model, options) = (model_of(&all), SurfaceOptions::default());
         let mut objects = vec![ObjectBelief::new(0.0); 40];
         let touch = seen(&all[0][0], &Pose::IDENTITY);
-        let joint = model.joint_pairs().unwrap();
-        let found = retrieve(&mut objects, joint, &[touch.clone(), touch], &[0], true, &options);
+        let found = retrieve(&mut objects, &model, &[touch.clone(), touch], &[0], true, &options);
         // At one place: no pair, no gain.
         assert!(
             found.unwrap()[0].abs() < 1e-9
                 && objects.iter().all(|o| o.retrieval_score.abs() < 1e-9)
         );
-        assert_eq!(retrieve(&mut objects, joint, &[], &[], true, &options), None);
+        assert_eq!(retrieve(&mut objects, &model, &[], &[], true, &options), None);
     }
 }

@@ -11,6 +11,7 @@ use palpate_core::rng::Stream;
 
 use super::common::Common;
 use super::object::ObjectBelief;
+use crate::model::SurfaceMap;
 use crate::observe::observation::{Observation, Says};
 use crate::observe::stretch::stretch_ratio;
 
@@ -34,6 +35,13 @@ pub struct PoseSample {
     pub probability: f64,
 }
 
+impl PoseSample {
+    /// The index of its object.
+    pub(crate) fn index(&self) -> usize {
+        self.object.0 as usize
+    }
+}
+
 /// State from which poses are drawn.
 #[derive(Clone, Copy)]
 pub(super) struct Posed<'a> {
@@ -43,7 +51,8 @@ pub(super) struct Posed<'a> {
 }
 
 /// About `n` poses of the likeliest objects; none before the first touch. `posterior` has the
-/// probability of each object and then of "none of these".
+/// probability of each object and then of "none of these". After one touch an object whose map does
+/// not come has none.
 pub(super) fn samples(
     common: &Common,
     posed: &Posed<'_>,
@@ -58,10 +67,14 @@ pub(super) fn samples(
     let probable = probable_objects(posterior);
     let hypotheses_of = |object: ObjectIdx| &posed.objects[object.0 as usize].hypotheses;
     let have_poses = probable.iter().any(|(object, _)| !hypotheses_of(*object).is_empty());
+    let laid = probable.iter().filter(|_| !have_poses).map(|(object, _)| object.0 as usize);
+    let maps = common.model.maps_of(&laid.collect());
     for (object, share) in probable {
         let wanted = ((n as f64 * share).round() as usize).max(POSES_MIN);
         if !have_poses {
-            lay_onto_first_touch(common, posed, object, share, wanted, stream, &mut samples);
+            let Some(map) = maps.get(&(object.0 as usize)) else { continue };
+            let laid = Laid { object, map, share, n: wanted };
+            lay_onto_first_touch(common, posed, &laid, stream, &mut samples);
             continue;
         }
         let hypotheses = hypotheses_of(object);
@@ -89,18 +102,24 @@ fn probable_objects(posterior: &[f64]) -> Vec<(ObjectIdx, f64)> {
     probable.map(|(object, share)| (ObjectIdx(object as u32), share)).collect()
 }
 
+/// An object that is laid onto a touch in `n` poses, with its share of the belief.
+struct Laid<'a> {
+    object: ObjectIdx,
+    map: &'a SurfaceMap,
+    share: f64,
+    n: usize,
+}
+
 /// Draws poses of an object from a single touch by systematic sampling: a patch of similar
 /// appearance is laid onto the touch and rotated about its normal.
 fn lay_onto_first_touch(
     common: &Common,
     posed: &Posed<'_>,
-    object: ObjectIdx,
-    share: f64,
-    n: usize,
+    &Laid { object, map, share, n }: &Laid<'_>,
     stream: &mut Stream,
     samples: &mut Vec<PoseSample>,
 ) {
-    let (touch, map) = (&posed.touches[0], &common.model.maps()[object.0 as usize]);
+    let touch = &posed.touches[0];
     let mut weights = Vec::with_capacity(map.patches().len() * N_TURNS);
     for patch in map.patches() {
         let ratio = touch.appearance_ratio(&patch.feature);

@@ -18,14 +18,14 @@ const REFINED_PER_OBJECT: usize = 3;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scope {
     /// Least evidence (ln) of an object that gets proposals.
-    evidence_min: f64,
+    pub(super) evidence_min: f64,
     /// Least retrieval score of an object that gets proposals regardless of its evidence; `None`
     /// in a small catalogue.
-    retrieval_min: Option<f64>,
+    pub(super) retrieval_min: Option<f64>,
     /// Least evidence (ln) of an object whose proposals are refined before they are merged.
-    refined_min: f64,
+    pub(super) refined_min: f64,
     /// Least score of a pose; poses below it are far behind another object's best and are dropped.
-    score_min: f32,
+    pub(super) score_min: f32,
 }
 
 impl Scope {
@@ -173,9 +173,9 @@ pub(super) fn add_scores(
     });
 }
 
-/// Refines the best hypotheses of all objects, at most three each.
-pub(super) fn refine_best(objects: &mut [ObjectBelief], evidence: &Evidence<'_>) {
-    let options = evidence.options;
+/// The best hypotheses of all objects, at most three each, which are refined after a touch: a bit
+/// each, for every object.
+pub(super) fn best_to_refine(objects: &[ObjectBelief], options: &SurfaceOptions) -> Vec<u8> {
     let mut best: Vec<(f32, usize, usize)> = Vec::new();
     for (object, belief) in objects.iter().enumerate() {
         let first = belief.hypotheses.iter().take(REFINED_PER_OBJECT).enumerate();
@@ -185,14 +185,28 @@ pub(super) fn refine_best(objects: &mut [ObjectBelief], evidence: &Evidence<'_>)
     let top = best.first().map_or(0.0, |best| best.0);
     best.retain(|found| found.0 > top - options.score.drop_between);
     best.truncate(options.budget.refined);
+    let mut chosen = vec![0; objects.len()];
     for (_, object, index) in best {
-        let ObjectBelief { hypotheses, motion_prior, .. } = &mut objects[object];
-        let known = Known { map: &evidence.maps[object], prior: motion_prior };
-        settle(evidence, &mut hypotheses[index], known);
+        chosen[object] |= 1 << index;
     }
-    for object in objects {
-        merge(&mut object.hypotheses, options);
+    chosen
+}
+
+/// Settles the chosen hypotheses of each object.
+pub(super) fn settle_chosen(objects: &mut [ObjectBelief], evidence: &Evidence<'_>, chosen: &[u8]) {
+    for ((object, map), chosen) in objects.iter_mut().zip(evidence.maps).zip(chosen) {
+        let ObjectBelief { hypotheses, motion_prior, .. } = object;
+        let known = Known { map, prior: motion_prior };
+        let first = hypotheses.iter_mut().take(REFINED_PER_OBJECT).enumerate();
+        for (_, hypothesis) in first.filter(|(index, _)| chosen & (1 << index) != 0) {
+            settle(evidence, hypothesis, known);
+        }
     }
+}
+
+/// Merges the hypotheses of all objects.
+pub(super) fn merge_all(objects: &mut [ObjectBelief], options: &SurfaceOptions) {
+    objects.iter_mut().for_each(|object| merge(&mut object.hypotheses, options));
 }
 
 /// Keeps at most `total` hypotheses of all objects together.
@@ -364,7 +378,8 @@ mod tests {
         let mut start = Hypothesis::new(rotation, translation, 0.0);
         start.score = score(&start);
         let mut objects = [ObjectBelief { hypotheses: vec![start], ..ObjectBelief::new(0.0) }];
-        refine_best(&mut objects, &evidence);
+        let chosen = best_to_refine(&objects, evidence.options);
+        settle_chosen(&mut objects, &evidence, &chosen);
         let refined = objects[0].hypotheses[0];
         assert!(refined.score > start.score && refined.score > 4.0 * 5.0, "{refined:?}");
         let exact = evidence.score(known, &inverse(&some_pose(5)), f32::NEG_INFINITY).unwrap();

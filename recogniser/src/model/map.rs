@@ -155,6 +155,12 @@ impl SurfaceMap {
         self.radius
     }
 
+    /// Largest distance of a patch from the object's origin, metres.
+    #[must_use]
+    pub fn reach(&self) -> f32 {
+        self.patches.iter().map(|patch| patch.position.length()).fold(0.0, f32::max)
+    }
+
     /// The voxels, which find the patches near a point.
     #[must_use]
     pub fn voxels(&self) -> &Voxels {

@@ -8,10 +8,9 @@ use std::f64::consts::TAU;
 
 use glam::{DQuat, DVec3};
 
-use super::{Approach, NextTouchOptions};
+use super::{Approach, MapsOf, NextTouchOptions};
 use crate::belief::PoseSample;
 use crate::model::SurfaceMap;
-use crate::model::SurfaceModel;
 use palpate_core::pose::Pose;
 use palpate_core::rng::Stream;
 use palpate_core::units::MM;
@@ -34,14 +33,9 @@ const BESIDE_SPACINGS: f32 = 0.75;
 /// Radius about the centre through which blind approaches pass, in radii of the object.
 const BLIND_RADII: f64 = 0.5;
 
-/// Largest distance of a patch from the object's origin, metres.
-pub(super) fn radius_of(map: &SurfaceMap) -> f32 {
-    map.patches().iter().map(|patch| patch.position.length()).fold(0.0, f32::max)
-}
-
 /// Approaches towards the samples' objects; none without samples.
 pub(super) fn own_approaches(
-    model: &SurfaceModel,
+    maps: &MapsOf,
     samples: &[PoseSample],
     options: &NextTouchOptions,
     stream: &mut Stream,
@@ -52,7 +46,7 @@ pub(super) fn own_approaches(
     }
     let approach = |index: usize| {
         let sample = drawn(samples, total * stream.uniform(0.0, 1.0));
-        let map = &model.maps()[sample.object.0 as usize];
+        let map = &maps[&sample.index()];
         if index % BLIND_EVERY == BLIND_EVERY - 1 {
             return blind(map, sample, stream);
         }
@@ -116,7 +110,7 @@ pub(super) struct Way {
 
 /// The way to a point of an object against the direction `outward`.
 pub(super) fn way_to(map: &SurfaceMap, target: DVec3, outward: DVec3) -> Way {
-    let radius = f64::from(radius_of(map));
+    let radius = f64::from(map.reach());
     // Where the way out leaves the ball about the object: |target + s·outward| = radius.
     let along = target.dot(outward);
     let within = (along * along + radius * radius - target.length_squared()).max(0.0);
@@ -126,7 +120,7 @@ pub(super) fn way_to(map: &SurfaceMap, target: DVec3, outward: DVec3) -> Way {
 
 /// A blind approach: past the centre of an object from a random direction.
 fn blind(map: &SurfaceMap, sample: &PoseSample, stream: &mut Stream) -> Approach {
-    let radius = f64::from(radius_of(map));
+    let radius = f64::from(map.reach());
     let target = BLIND_RADII * radius * stream.uniform(0.0, 1.0).cbrt() * stream.direction();
     let outward = stream.direction();
     toward(map, sample, target, outward, stream)

@@ -7,6 +7,8 @@
 
 use palpate_core::reading::{Base, Looseness};
 
+use crate::coding::{Coded, NotWork};
+
 /// Deviation of the object's motion that halves the weight of a touch, metres.
 pub(crate) const HALF: f32 = 0.01;
 
@@ -130,6 +132,20 @@ impl Placement {
     pub(crate) fn loss(&self, is_announced: bool, per_fold: f32) -> f32 {
         let (position, _) = if is_announced { self.shifting() } else { self.of_base_alone() };
         per_fold * (1.0 + position / (LOOSE * LOOSE)).ln()
+    }
+}
+
+impl Coded for Placement {
+    fn put(&self, to: &mut Vec<u8>) {
+        let Self { base, moved, own } = self;
+        base.put(to);
+        moved.put(to);
+        own.put(to);
+    }
+
+    fn take(from: &mut &[u8]) -> Result<Self, NotWork> {
+        let (base, moved) = Coded::take(from)?;
+        Ok(Self { base, moved, own: Coded::take(from)? })
     }
 }
 

@@ -11,6 +11,7 @@ use palpate_core::reading::{Looseness, Reading};
 use palpate_core::sensor::SensorDescription;
 
 use super::placement::kept;
+use crate::coding::{Coded, NotWork};
 
 /// Points along each side of the array, at most.
 const SIDE: usize = 4;
@@ -134,6 +135,23 @@ impl PressSpace {
             }));
         }
         Self::new(free)
+    }
+}
+
+impl Coded for PressSpace {
+    fn put(&self, to: &mut Vec<u8>) {
+        let Self { free, occupied, touches, own, weight } = self;
+        free.put(to);
+        occupied.put(to);
+        touches.put(to);
+        [*own, *weight].put(to);
+    }
+
+    fn take(from: &mut &[u8]) -> Result<Self, NotWork> {
+        let (free, occupied) = Coded::take(from)?;
+        let touches = Coded::take(from)?;
+        let (own, weight) = Coded::take(from)?;
+        Ok(Self { free, occupied, touches, own, weight })
     }
 }
 

@@ -92,8 +92,8 @@ pub(crate) fn lack(
 pub(crate) fn prepare(model: &SurfaceModel, options: &SurfaceOptions) {
     let options = &options.widened(model.calibration.width);
     let kernel = Kernel::new(options);
-    model.maps().par_iter().enumerate().for_each(|(index, map)| {
-        let find = || self_match(map, &model.space, &kernel, options, Says::All);
+    let find = |map: &SurfaceMap| self_match(map, &model.space, &kernel, options, Says::All);
+    (0..model.maps().len()).into_par_iter().for_each(|index| {
         model.self_match(index, Says::All as usize, find);
     });
 }
@@ -176,11 +176,11 @@ mod tests {
     #[test]
     fn a_score_is_found_once_for_each_width() {
         let model = model_of(&[places(20, 0)]);
-        let [first, second] = [3.0, 4.0].map(|score| model.self_match(0, 0, || score));
+        let [first, second] = [3.0, 4.0].map(|score| model.self_match(0, 0, |_| score));
         assert!((first - second).abs() < 1e-9, "found once");
         let wider = EvidenceCalibration { width: 2.0, ..model.calibration };
         let wider = SurfaceModel::clone(&model).with_calibration(wider);
-        assert!((wider.self_match(0, 0, || 4.0) - 4.0).abs() < 1e-9);
+        assert!((wider.self_match(0, 0, |_| 4.0) - 4.0).abs() < 1e-9);
         let alike = model_of(&[places(20, 0)]);
         assert_eq!(model, alike, "knowing it is no difference");
     }

@@ -3,18 +3,19 @@
 //! Equations R32 and R33 of docs/recogniser.md. All densities are ratios to the uniform prior: a
 //! place anywhere in the workspace volume, turned any way. So no statement is 1, ln 0.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3, Mat3, Quat, Vec3};
-use nalgebra::{Cholesky, Matrix3, Matrix6, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use palpate_core::object::ObjectIdx;
 use palpate_core::reading::Looseness;
 
-use super::gaussian::{inside, normalizer, normals, quasi_normal, share_inside, single};
+use super::gaussian::{inside, normals, quasi_normal, single};
 use crate::observe::inverse_pose::InversePose;
 use crate::options::SurfaceOptions;
 use crate::pose_prior::{PoseHypothesis, PosePrior, PosePriorError, Workspace, block};
+use posed::{GivenTurn, StatedPose};
 
 /// Squared deviations beyond which a hypothesis says nothing: its density is below e⁻²⁵ of the peak.
 const FAR: f32 = 50.0;
@@ -30,6 +31,8 @@ const INSIDE_MIN: f64 = 1e-3;
 #[derive(Clone, Debug)]
 pub(crate) struct Statement {
     prior: PosePrior,
+    /// Index of the first of the objects: 0, unless it is a part of a statement.
+    first: usize,
     objects: Vec<ObjectShare>,
     /// ln p(o) of equation R32.
     pub(crate) log_objects: Vec<f64>,
@@ -96,13 +99,18 @@ impl Statement {
         };
         let objects = (0..before.len()).map(share).collect();
         let log_objects = all.iter().map(|p| (p / sum).ln()).collect();
-        Ok(Self { prior, objects, log_objects, radius: f64::from(radius), moved: [0.0; 2] })
+        let radius = f64::from(radius);
+        Ok(Self { prior, first: 0, objects, log_objects, radius, moved: [0.0; 2] })
     }
 
     /// Loosens it for a move of the object before its first touch.
     pub(crate) fn loosen(&mut self, motion: &Looseness) {
         self.moved[0] += motion.position.powi(2);
         self.moved[1] += motion.angle.powi(2);
+    }
+
+    fn share(&self, object: usize) -> ObjectShare {
+        self.objects[object - self.first]
     }
 
     /// Bytes of its lists.
@@ -137,42 +145,33 @@ pub(crate) struct StatedPrior {
     volume: f64,
     /// Variances that one hypothesis of the search stands for: m², rad².
     alike: [f64; 2],
+    /// Variances by motion since the first touch: m², rad².
+    more: [f64; 2],
     poses: Vec<StatedPose>,
     /// The workspace relative to the anchor.
     bounds: Option<[Vec3; 2]>,
 }
 
-/// A hypothesis relative to the anchor.
-#[derive(Clone, Debug)]
-struct StatedPose {
-    object: Option<ObjectIdx>,
-    weight: f32,
-    rotation: Quat,
-    translation: Vec3,
-    covariance: Matrix6<f64>,
-    /// The inverse of the Cholesky factor of the covariance: blocks of place, place to rotation,
-    /// and rotation.
-    whitening: [Mat3; 3],
-    /// ln of the peak of the density.
-    log_peak: f32,
-    /// Factor of the density of a place: at most the workspace is as wide as can be, and only the
-    /// part inside the box counts.
-    scale: f64,
-    /// Largest squared distance at which it says anything, m².
-    reach: f32,
-}
-
 impl StatedPrior {
     /// A statement relative to an anchor.
     pub(crate) fn new(statement: Arc<Statement>, anchor: DVec3, options: &SurfaceOptions) -> Self {
+        Self::without_poses(statement, anchor, options).drifted([0.0; 2])
+    }
+
+    fn without_poses(statement: Arc<Statement>, anchor: DVec3, options: &SurfaceOptions) -> Self {
         let volume = f64::from(options.scale.workspace);
         let alike = [options.merge_distance, options.merge_angle].map(|x| f64::from(x).powi(2));
-        let (poses, bounds) = (Vec::new(), None);
-        Self { statement, anchor, volume, alike, poses, bounds }.drifted([0.0; 2])
+        let (more, poses, bounds) = ([0.0; 2], Vec::new(), None);
+        Self { statement, anchor, volume, alike, more, poses, bounds }
     }
 
     /// The same after motion of the object since, with variances of m² and rad².
     pub(crate) fn drifted(&self, more: [f64; 2]) -> Self {
+        self.placed(more).expect("checked")
+    }
+
+    /// [`Self::drifted`]; `None` for a covariance that is none.
+    fn placed(&self, more: [f64; 2]) -> Option<Self> {
         let Self { statement, anchor, volume, alike, .. } = self;
         let moved = statement.moved;
         let variance = |n: usize| moved[n] + alike[n] + more[n];
@@ -182,16 +181,16 @@ impl StatedPrior {
             let covariance = hypothesis.covariance + wider;
             StatedPose::new(hypothesis, covariance, *anchor, statement, *volume, &normals)
         };
-        let poses = statement.prior.hypotheses.iter().map(pose).collect();
+        let poses = statement.prior.hypotheses.iter().map(pose).collect::<Option<_>>()?;
         let bounds = statement.prior.workspace;
         let bounds = bounds.map(|it| [it.low - *anchor, it.high - *anchor].map(|c| c.as_vec3()));
-        Self { poses, bounds, statement: Arc::clone(statement), ..*self }
+        Some(Self { more, poses, bounds, statement: Arc::clone(statement), ..*self })
     }
 
     /// ln p(T | o) of an object, relative to the uniform prior. Equation R33 of
     /// docs/recogniser.md.
     pub(crate) fn log_density(&self, object: usize, pose: &InversePose) -> f32 {
-        let share = self.statement.objects[object];
+        let share = self.statement.share(object);
         let is_inside = self.holds(pose.translation);
         let mut right = 0.0;
         for stated in self.poses.iter().filter(|_| is_inside) {
@@ -243,7 +242,7 @@ impl StatedPrior {
     /// Shares of an object's prior: of hypotheses that say its pose, as (index, share); of places
     /// alone; and of the uniform prior. Each is relative to p(o).
     pub(crate) fn shares(&self, object: usize) -> (Vec<(usize, f64)>, f64, f64) {
-        let share = self.statement.objects[object];
+        let share = self.statement.share(object);
         let (mut posed, mut placed) = (Vec::new(), 0.0);
         for (index, stated) in self.poses.iter().enumerate() {
             let weight = f64::from(stated.weight);
@@ -273,11 +272,7 @@ impl StatedPrior {
     /// then stands.
     pub(crate) fn draws(&self, hypothesis: usize, first: usize, n: usize) -> Drawn {
         let stated = &self.poses[hypothesis];
-        let (place, cross) = (block(&stated.covariance, 0, 0), block(&stated.covariance, 0, 3));
-        let turn = block(&stated.covariance, 3, 3);
-        let factor = Cholesky::new(turn).expect("checked").l();
-        let gain = cross * turn.try_inverse().expect("checked");
-        let left = place - gain * cross.transpose();
+        let GivenTurn { factor, gain, left, inverse } = stated.given_turn().expect("checked");
         let draw = |n: usize| {
             let turned = factor * quasi_normal(n);
             let moved = gain * turned;
@@ -285,7 +280,6 @@ impl StatedPrior {
             let moved = Vec3::new(moved.x as f32, moved.y as f32, moved.z as f32);
             ((by * stated.rotation).normalize(), stated.translation + moved)
         };
-        let inverse = left.try_inverse().expect("positive definite");
         let peak = stated.scale * self.volume / (TAU.powf(1.5) * left.determinant().sqrt());
         Drawn {
             poses: (first..first + n).map(draw).collect(),
@@ -316,54 +310,6 @@ impl StatedPrior {
     }
 }
 
-impl StatedPose {
-    fn new(
-        hypothesis: &PoseHypothesis,
-        covariance: Matrix6<f64>,
-        anchor: DVec3,
-        statement: &Statement,
-        volume: f64,
-        normals: &[Vector3<f64>],
-    ) -> Self {
-        let pose = &hypothesis.session_from_object;
-        let factor = Cholesky::new(covariance).expect("checked").l();
-        let white = factor.try_inverse().expect("positive on its diagonal");
-        let place = block(&covariance, 0, 0);
-        let occupied = TAU.powf(1.5) * place.determinant().sqrt();
-        let inside = statement
-            .prior
-            .workspace
-            .map_or(1.0, |space| share_inside(&place, pose.translation, space));
-        let scale = (occupied / volume).max(1.0) / inside.max(INSIDE_MIN);
-        let turns = normalizer(&block(&covariance, 3, 3), normals);
-        let root: f64 = (0..6).map(|n| factor[(n, n)].ln()).sum();
-        let uniform = (volume * 8.0 * PI * PI).ln();
-        let log_peak = uniform + scale.ln() - 3.0 * TAU.ln() - root - turns.ln();
-        Self {
-            object: hypothesis.object,
-            weight: hypothesis.weight as f32,
-            rotation: pose.rotation.as_quat(),
-            translation: (pose.translation - anchor).as_vec3(),
-            covariance,
-            whitening: [(0, 0), (3, 0), (3, 3)].map(|(r, c)| single(&block(&white, r, c))),
-            log_peak: log_peak as f32,
-            scale,
-            reach: FAR * place.trace() as f32,
-        }
-    }
-
-    /// Density of a pose that lies `off` the mean.
-    fn density(&self, off: Vec3, pose: &InversePose) -> f32 {
-        let [place, across, turn] = self.whitening;
-        let rotation = Quat::from_mat3(&pose.object_from_session).conjugate();
-        let turned = rotation * self.rotation.conjugate();
-        let turned = if turned.w < 0.0 { -turned } else { turned };
-        let square = (place * off).length_squared()
-            + (across * off + turn * turned.to_scaled_axis()).length_squared();
-        if square > FAR { 0.0 } else { (self.log_peak - 0.5 * square).exp() }
-    }
-}
-
 /// Rotations of a hypothesis, and the distribution of the place given each.
 #[derive(Clone, Debug)]
 pub(crate) struct Drawn {
@@ -381,5 +327,7 @@ impl Drawn {
     }
 }
 
+mod coded;
+mod posed;
 #[cfg(test)]
 mod tests;

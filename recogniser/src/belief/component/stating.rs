@@ -5,7 +5,8 @@ use std::sync::Arc;
 use super::Component;
 use crate::belief::common::Common;
 use crate::belief::search::evidence_bar;
-use crate::belief::stated_search::{Turned, pair_correction, propose_stated, weigh_first};
+use crate::belief::stated_search::pair_correction;
+use crate::belief::work::Work;
 use crate::model::joint_pairs::TOUCHES_PER_OBJECT;
 use crate::verify::motion_prior::StatedOf;
 use crate::verify::stated_prior::StatedPrior;
@@ -43,26 +44,21 @@ impl Component {
 
     /// The evidence of the first touch beside the statement.
     pub(super) fn weigh_stated(&mut self, common: &Common) {
-        let Some(stated) = self.stated.as_ref().map(|it| Arc::clone(&it.now)) else { return };
-        let turned = Turned::new(&stated, self.touches.len(), n_patches(common));
-        let (objects, evidence) = self.split(common);
-        weigh_first(objects, &evidence, &turned);
+        if self.stated.is_some() {
+            self.work(common, &Work::WeighStated { patches_max: patches_max(common) });
+        }
     }
 
     /// The statement proposes poses of all objects, or of the likeliest of a large catalogue.
     pub(super) fn propose_stated(&mut self, common: &Common) {
-        let Some(stated) = self.stated.as_ref().map(|it| Arc::clone(&it.now)) else { return };
-        if stated.n_poses() == 0 {
+        if self.stated.as_ref().is_none_or(|stated| stated.now.n_poses() == 0) {
             return;
         }
-        let n_patches = n_patches(common);
-        let turned = Turned::new(&stated, self.touches.len(), n_patches);
-        let options = &common.options;
-        let n = n_patches.map_or(usize::MAX, |_| options.budget.many.explored);
+        let (options, patches_max) = (&common.options, patches_max(common));
+        let n = patches_max.map_or(usize::MAX, |_| options.budget.many.explored);
         let reach = f64::from(options.score.drop_between);
         let evidence_min = evidence_bar(&self.objects, reach, n);
-        let (objects, evidence) = self.split(common);
-        propose_stated(objects, &evidence, &turned, evidence_min);
+        self.work(common, &Work::ProposeStated { patches_max, evidence_min });
     }
 
     /// Adds what the statement says about the poses of a pair to its evidence.
@@ -75,6 +71,6 @@ impl Component {
 }
 
 /// The patches that are laid onto a touch in a large catalogue; `None` in a small one.
-fn n_patches(common: &Common) -> Option<usize> {
-    common.model.joint_pairs().map(|_| TOUCHES_PER_OBJECT)
+fn patches_max(common: &Common) -> Option<usize> {
+    common.model.is_large().then_some(TOUCHES_PER_OBJECT)
 }

@@ -102,7 +102,7 @@ fn pair_on(
     touches: [&Observation; 2],
 ) -> Option<f64> {
     let options = &common.options;
-    let share = common.model.joint_pairs().map(|_| 0.0);
+    let share = common.model.is_large().then_some(0.0);
     let effort = Effort::new(options, share, touches.len());
     let ratios = touches.map(|touch| effort.appearance_ratios(map, touch));
     let proposed = propose(map, touches, [&ratios[0], &ratios[1]], effort, options)?;

@@ -1,5 +1,7 @@
 //! Tests of the density of a stated pose prior.
 
+use std::f64::consts::PI;
+
 use palpate_core::pose::Pose;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::units::DEG;

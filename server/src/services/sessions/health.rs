@@ -160,6 +160,7 @@ mod tests {
             n_readings: n_touches,
             sensor_shift: Some(SensorShift { shift, deviation, n_touches }),
             image_doubt: None,
+            missing: Vec::new(),
         }
     }
 
