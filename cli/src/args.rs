@@ -150,6 +150,8 @@ pub(crate) enum Command {
     Audit(AuditArgs),
     /// Take, verify and restore snapshots.
     Snapshot(SnapshotArgs),
+    /// Show what a cell has to forward to the central service, and the state of the line.
+    Forwarding,
     /// Show the stored bytes per key, and the things that take most.
     Storage,
     /// Free the disk space of removed records.
@@ -262,6 +264,8 @@ mod tests {
         "palpate webhooks create https://mes.example/x --events session.decided,snapshot.made",
         "palpate webhooks deliveries 0198a0d0-0000-7000-8000-000000000000 --failed -n 5",
         "palpate serve --webhook-allow-private",
+        "palpate serve --forward-to https://hub:7411 --forward-key-file hub.key --cell cell-7",
+        "palpate forwarding --json",
         "palpate audit --ring refused",
         "palpate whoami --key palpate_x --ca ca.pem",
         "palpate whoami --key-file admin.key",
@@ -302,6 +306,7 @@ mod tests {
             "palpate demo --trials 0",
             "palpate serve --tls-cert c.pem",
             "palpate serve --access never",
+            "palpate serve --forward-to https://hub:7411",
             "palpate serve --audit-entries 0",
             "palpate keys create arm-3",
             "palpate keys create arm-3 --role boss",

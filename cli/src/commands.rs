@@ -12,6 +12,7 @@ pub(crate) mod draw;
 pub(crate) mod experiment;
 pub(crate) mod explore;
 pub(crate) mod fleet;
+pub(crate) mod forwarding;
 pub(crate) mod fsck;
 pub(crate) mod health;
 pub(crate) mod jobs;

@@ -21,6 +21,7 @@ mod settings;
 #[cfg(feature = "otlp")]
 mod spans;
 mod supervisor;
+mod forwarder;
 mod symmetry;
 mod verdict;
 mod trial;

@@ -34,6 +34,7 @@ mod webhooks;
 mod history;
 mod sessions;
 mod fleet;
+mod forwarding;
 mod labels;
 mod stamps;
 mod events;

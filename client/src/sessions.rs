@@ -49,7 +49,8 @@ impl Client {
             .query("with_truth", query.with_truth)
             .query("since", query.since.as_ref())
             .query("until", query.until.as_ref())
-            .query("labels", query.labels.as_ref());
+            .query("labels", query.labels.as_ref())
+            .query("cell", query.cell.as_ref());
         self.send(request).await
     }
 

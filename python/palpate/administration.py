@@ -104,6 +104,11 @@ class Administration:
         return ask(post("v1", "fleet", "closings").with_json(document).repeatable(), same)
 
     @operation
+    def forwarding(self) -> Steps[Document]:
+        """Returns what a cell has to forward to its central service, and the state of the line."""
+        return ask(get("v1", "forwarding"), same)
+
+    @operation
     def keys(self) -> Steps[list[Document]]:
         """Returns all API keys, without their secrets."""
         return pages(get("v1", "keys"), same)

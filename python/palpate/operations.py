@@ -462,8 +462,8 @@ class Operations(Administration, Inspection):
     ) -> Steps[list[Session]]:
         """Returns the sessions that fit, oldest first.
 
-        `search` is any of `robot`, `object`, `method`, `catalogue`, `labels`, `since`, `until` and
-        `order` (`oldest`, `newest`).
+        `search` is any of `robot`, `object`, `method`, `catalogue`, `labels`, `cell`, `since`,
+        `until` and `order` (`oldest`, `newest`).
         """
         flags = {"none_of_these": none_of_these, "with_truth": with_truth}
         told = {name: str(flag).lower() for name, flag in flags.items() if flag is not None}

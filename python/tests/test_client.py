@@ -254,6 +254,7 @@ def test_the_fleet_is_read_and_closed(client: Client, trained: str, felt: Readin
     assert session.id in {one["session"]["id"] for one in client.fleet()["sessions"]}
     assert client.acknowledge_sessions([session.id], mute_s=60)["n_done"] == 1
     assert client.close_sessions([session.id])["n_done"] == 1
+    assert client.forwarding()["to"] is None
     assert session.id not in {one["session"]["id"] for one in client.fleet()["sessions"]}
 
 

@@ -32,6 +32,7 @@ pub mod sensor_health;
 pub mod commissioning;
 pub mod session;
 pub mod session_list;
+pub mod forwarding;
 pub mod fleet;
 pub mod storage;
 pub mod recalibration;
@@ -70,6 +71,10 @@ pub use descriptor::Descriptor;
 pub use fleet::{
     AcknowledgeSessions, Attention, AttentionLevel, CloseSessions, Fleet, FleetChanged, FleetQuery,
     FleetResult, FleetSession,
+};
+pub use forwarding::{
+    DifferentSensor, EntriesForwarded, FollowedCatalogue, ForwardEntries, ForwardSession,
+    ForwardedEntry, Forwarding, RefusedSession, SensorPackage, VersionPackage,
 };
 pub use geometry::{
     AxisUnit, GeometricKind, GeometricReport, GeometricTraining, Marginal, Marginals,

@@ -249,6 +249,9 @@ pub struct Session {
     /// Its labels.
     #[serde(default)]
     pub labels: Labels,
+    /// Name of the cell that forwards the session; null if robots use it on this server.
+    #[serde(default)]
+    pub cell: Option<String>,
 }
 
 /// Why a session ended.

@@ -60,6 +60,9 @@ pub struct SessionsQuery {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[param(example = "site:oslo,shift")]
     pub labels: Option<String>,
+    /// Only sessions that this cell forwarded.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cell: Option<String>,
 }
 
 /// Order of a list of sessions, by the time of their creation.

@@ -29,6 +29,8 @@ fn examples_parse_and_are_complete() {
     check::<wire::CreateSensor>(include_str!("../examples/create_sensor.json"));
     check::<wire::CreateSession>(include_str!("../examples/create_session.json"));
     check::<wire::ExtendSession>(include_str!("../examples/extend_session.json"));
+    check::<wire::ForwardEntries>(include_str!("../examples/forward_entries.json"));
+    check::<wire::ForwardSession>(include_str!("../examples/forward_session.json"));
     check::<wire::MergeMaps>(include_str!("../examples/merge_maps.json"));
     check::<wire::Problem>(include_str!("../examples/problem.json"));
     check::<wire::RecalibrateCatalogue>(include_str!("../examples/recalibrate_catalogue.json"));

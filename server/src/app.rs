@@ -13,6 +13,7 @@ use crate::admission::Admission;
 use crate::compute::Pool;
 use crate::config::Config;
 use crate::model::part_name;
+use crate::outgoing::Outgoing;
 use crate::process;
 use crate::rate::Rates;
 use crate::refusal::Refusal;
@@ -50,6 +51,7 @@ pub(crate) struct Parts {
     pub(crate) audit: Arc<Audit>,
     pub(crate) operations: Operations,
     pub(crate) storage: Arc<Storage>,
+    pub(crate) outgoing: Arc<Outgoing>,
     /// Becomes true when the server stops.
     pub(crate) stopping: watch::Receiver<bool>,
 }
@@ -126,6 +128,7 @@ impl App {
         metrics::gauge!("palpate_compute_places_free").set(self.pool.n_free() as f64);
         self.sensors.health().measure();
         self.webhooks.measure();
+        self.outgoing.measure();
         let n_damaged = self.catalogues.n_damaged() as f64;
         metrics::gauge!("palpate_versions_damaged").set(n_damaged);
         let memory = [

@@ -36,6 +36,17 @@ impl fmt::Display for Access {
     }
 }
 
+/// Forwarding of a cell's sessions to a central service. An `outbox` does the work.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Forward {
+    /// Address of the central service.
+    pub to: String,
+    /// Name under which the central service knows this cell.
+    pub cell: String,
+    /// Catalogues whose current versions come from the central service.
+    pub catalogues: Vec<String>,
+}
+
 /// The settings of a server. Defaults suit one machine and a small fleet.
 #[derive(Clone, Debug)]
 #[expect(clippy::struct_excessive_bools, reason = "settings that are on or off, each for itself")]
@@ -132,6 +143,8 @@ pub struct Config {
     pub webhook_allow_private: bool,
     /// Pauses between the attempts of a delivery to a webhook; each is lengthened by up to a fifth.
     pub webhook_pauses: Vec<Duration>,
+    /// The central service to which sessions are forwarded, if any.
+    pub forward: Option<Forward>,
 }
 
 /// Concurrent requests per core: accepted requests wait for earlier ones, and more of them
@@ -204,6 +217,7 @@ impl Config {
             object_readings_max: 100_000,
             webhook_allow_private: false,
             webhook_pauses: WEBHOOK_PAUSES.to_vec(),
+            forward: None,
         }
     }
 }

@@ -28,6 +28,15 @@ const PLAIN: [&str; 5] = [
     "palpate_snapshots_total",
 ];
 
+/// Figures of a cell; other servers stay at 0.
+const FORWARDING: [&str; 5] = [
+    "palpate_forwarding_down_seconds",
+    "palpate_forwarding_sessions_waiting",
+    "palpate_forwarding_entries_waiting",
+    "palpate_forwarding_sessions_refused",
+    "palpate_forwarding_oldest_waiting_seconds",
+];
+
 /// Registers the metrics at 0, and the version and start of this process.
 pub(crate) fn register() {
     for name in PLAIN {
@@ -59,6 +68,9 @@ pub(crate) fn register() {
         }
     }
     let _ = metrics::histogram!("palpate_feedback_probability");
+    for name in FORWARDING {
+        metrics::gauge!(name).set(0.0);
+    }
     metrics::gauge!("palpate_snapshot_timestamp_seconds").set(0.0);
     metrics::gauge!("palpate_start_timestamp_seconds").set(now_ms() as f64 / 1000.0);
     metrics::gauge!("palpate_build_info", "version" => env!("CARGO_PKG_VERSION")).set(1.0);

@@ -10,6 +10,7 @@ mod changes;
 pub(crate) mod checkpoints;
 mod folding;
 mod followed;
+mod forwarded;
 mod history;
 mod order;
 pub(crate) mod outcome;
@@ -136,6 +137,16 @@ pub(crate) enum LiveError {
         megabytes(*bytes as u64), megabytes(*max as u64)
     )]
     BeliefsFull { bytes: usize, max: usize },
+    #[error(
+        "session {session} is one of cell {cell:?}, which forwards its readings: write to it there"
+    )]
+    OfCell { session: Uuid, cell: String },
+    #[error("session {session} belongs to robots of this server, no cell forwards it")]
+    NotForwarded { session: Uuid },
+    #[error("session {session} has {length} entries, and entry {from} does not follow")]
+    Gap { session: Uuid, from: u64, length: u64 },
+    #[error("entry {number} of session {session} is another one than the forwarded one")]
+    OtherEntry { session: Uuid, number: u64 },
     #[error(transparent)]
     Cause(Cause),
 }

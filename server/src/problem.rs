@@ -278,9 +278,10 @@ fn object(error: &ObjectError) -> Answer {
 fn catalogue(error: &CatalogueError) -> Answer {
     match error {
         CatalogueError::NoVersion { .. } => ProblemType::NotFound.into(),
-        CatalogueError::Untrained { .. } | CatalogueError::NoPart(_) => {
-            ProblemType::WrongState.into()
-        }
+        CatalogueError::Untrained { .. }
+        | CatalogueError::NoPart(_)
+        | CatalogueError::OtherContent { .. }
+        | CatalogueError::Adopt(_) => ProblemType::WrongState.into(),
         CatalogueError::RevisionChanged { .. } => {
             Answer::at(ProblemType::PreconditionFailed, "header:if-match", error)
         }
@@ -307,7 +308,11 @@ fn live(error: &LiveError) -> Answer {
         LiveError::NoMarginals { .. }
         | LiveError::NoNextTouches { .. }
         | LiveError::NoTouch { .. }
-        | LiveError::TooManyToExplain { .. } => ProblemType::WrongState.into(),
+        | LiveError::TooManyToExplain { .. }
+        | LiveError::OfCell { .. }
+        | LiveError::NotForwarded { .. }
+        | LiveError::Gap { .. } => ProblemType::WrongState.into(),
+        LiveError::OtherEntry { .. } => ProblemType::Conflict.into(),
         LiveError::BeliefsFull { max, .. } => overloaded("beliefs", "bytes", *max),
         LiveError::Cause(error) => cause(error),
     }

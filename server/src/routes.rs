@@ -8,6 +8,7 @@ pub(crate) mod commissioning;
 mod documented;
 pub(crate) mod events;
 pub(crate) mod fleet;
+pub(crate) mod forwarding;
 pub(crate) mod history;
 pub(crate) mod jobs;
 pub(crate) mod keys;
@@ -74,7 +75,11 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(jobs::cancel_job))
         .routes(routes!(events::job_events))
         .routes(routes!(sessions::list_sessions, sessions::create_session))
-        .routes(routes!(sessions::get_session, sessions::delete_session))
+        .routes(routes!(
+            sessions::get_session,
+            sessions::delete_session,
+            forwarding::forward_session
+        ))
         .routes(routes!(sessions::close_session))
         .routes(routes!(sessions::extend_session))
         .routes(routes!(history::list_session_readings, sessions::add_readings))
@@ -101,6 +106,17 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(keys::whoami))
         .routes(routes!(keys::list_robots))
         .routes(routes!(keys::bind_robot, keys::release_robot))
+        .routes(routes!(audit::list_audit))
+        .routes(routes!(storage::take_snapshot))
+        .routes(routes!(storage::compact))
+        .routes(routes!(storage::get_storage))
+        .merge(webhooks())
+        .merge(cells())
+}
+
+/// The routes of webhooks and their deliveries.
+fn webhooks() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
         .routes(routes!(webhooks::list_webhooks, webhooks::create_webhook))
         .routes(routes!(webhooks::get_webhook, webhooks::update_webhook, webhooks::delete_webhook))
         .routes(routes!(webhooks::rotate_webhook_secret))
@@ -108,10 +124,16 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(webhooks::list_webhook_deliveries))
         .routes(routes!(webhooks::get_webhook_delivery))
         .routes(routes!(webhooks::redeliver_webhook))
-        .routes(routes!(audit::list_audit))
-        .routes(routes!(storage::take_snapshot))
-        .routes(routes!(storage::compact))
-        .routes(routes!(storage::get_storage))
+}
+
+/// The routes of cells that forward, but for `PUT` of a session, which shares its path.
+fn cells() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
+        .routes(routes!(forwarding::get_forwarding))
+        .routes(routes!(forwarding::forward_entries))
+        .routes(routes!(forwarding::get_package))
+        .routes(routes!(forwarding::get_block))
+        .routes(routes!(forwarding::get_sensor_package))
 }
 
 /// The answer to what made something: the thing, and the path that it has from now on.

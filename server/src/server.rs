@@ -28,6 +28,8 @@ use crate::hearing::hear;
 use crate::middleware::headers::is_origin;
 use crate::middleware::telemetry;
 use crate::notices::Notices;
+use crate::outbox::Outbox;
+use crate::outgoing::Outgoing;
 use crate::rate::Rates;
 use crate::roles::Operations;
 use crate::router::router;
@@ -61,6 +63,7 @@ pub struct Server {
     sessions: Arc<Sessions>,
     audit: Arc<Audit>,
     engine: Arc<dyn Engine>,
+    outbox: Option<Outbox>,
     scheme: &'static str,
     admin_key: Option<String>,
 }
@@ -209,6 +212,7 @@ impl Server {
         let webhooks = Arc::clone(&app.webhooks);
         let delivering = tokio::spawn(Arc::clone(&webhooks).work(stopping.clone()));
         let audit = Arc::clone(&app.audit);
+        let outbox = app.outgoing.forward().map(|_| Outbox::new(app.clone()));
         tokio::spawn(time_keeper.keep_time(stopping.clone()));
         integrity::check(checked, checked_catalogues, stopping.clone())?;
         let door = Door {
@@ -232,6 +236,7 @@ impl Server {
             sessions,
             audit,
             engine,
+            outbox,
             scheme,
             admin_key,
         })
@@ -253,6 +258,11 @@ impl Server {
     /// call on.
     pub fn take_admin_key(&mut self) -> Option<String> {
         self.admin_key.take()
+    }
+
+    /// The outbox of a cell, once; `None` on a server without [`Config::forward`].
+    pub fn take_outbox(&mut self) -> Option<Outbox> {
+        self.outbox.take()
     }
 
     /// The address and port at which it listens.
@@ -323,6 +333,7 @@ async fn assemble(
     let (models_max, tables_max) = (config.model_memory_bytes_max, config.belief_memory_bytes_max);
     let catalogues = Arc::new(Catalogues::new(&store, pool.clone(), models_max, tables_max));
     let notices = Arc::new(Notices::default());
+    let outgoing = Arc::new(Outgoing::new(config.forward.clone()));
     let jobs = Arc::new(Jobs::new(
         store.clone(),
         Arc::clone(&notices),
@@ -338,7 +349,8 @@ async fn assemble(
         Arc::clone(&catalogues),
         Arc::clone(&sensors),
         pool.clone(),
-        (Arc::clone(&keys), Arc::clone(&notices)),
+        Arc::clone(&keys),
+        (Arc::clone(&notices), Arc::clone(&outgoing)),
         &config,
     ));
     let counted = Arc::clone(&sessions);
@@ -377,6 +389,7 @@ async fn assemble(
         audit,
         operations: Operations::new(openapi::operation_ids()),
         storage: Arc::new(storage),
+        outgoing,
         stopping,
     };
     Ok((App::new(parts), working))

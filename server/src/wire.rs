@@ -15,6 +15,7 @@ pub(crate) mod coupling;
 mod descriptor;
 pub(crate) mod evidence;
 pub(crate) mod felt;
+pub(crate) mod forwarding;
 pub(crate) mod geometry;
 pub(crate) mod labels;
 mod layout;

@@ -163,6 +163,26 @@ impl Calibrations {
         Err(StoreError::Changed { what: "calibrations of sensor", id: sensor })
     }
 
+    /// Stores a calibration of another server as the sensor's next; durable when it returns.
+    ///
+    /// # Errors
+    /// [`StoreError::Changed`] when its number is not the next one; the engine's.
+    pub async fn adopt(&self, calibration: &StoredCalibration) -> Result<(), StoreError> {
+        let sensor = calibration.sensor;
+        let changed = || StoreError::Changed { what: "calibrations of sensor", id: sensor };
+        if calibration.number != self.latest(sensor)?.map_or(0, |latest| latest.number) + 1 {
+            return Err(changed());
+        }
+        let head = key::numbered(Space::Calibration, sensor, u64::from(calibration.number));
+        let commit = Commit::new().expect(head.clone(), Expected::Absent);
+        let commit = pieces::put(commit, &head, &record::encode(calibration), None);
+        match self.engine.commit(commit).await.map_err(conflict) {
+            Ok(()) => Ok(()),
+            Err(Ok(_)) => Err(changed()),
+            Err(Err(error)) => Err(error.into()),
+        }
+    }
+
     /// A sensor's calibration with the given number.
     ///
     /// # Errors

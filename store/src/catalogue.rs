@@ -9,6 +9,7 @@
 mod stored;
 mod content;
 mod removal;
+mod adoption;
 
 use std::collections::BTreeMap;
 use std::convert::Infallible;
@@ -25,6 +26,7 @@ use crate::model_codec::ModelPart;
 use crate::pieces::{self, Limit};
 use crate::record::{self, SCHEMA};
 use crate::table::{Entity, Page, Table};
+pub use adoption::AdoptError;
 
 /// Number of remembered switches of the current version.
 pub const HISTORY_MAX: usize = 1000;

@@ -200,6 +200,7 @@ def tell(story: Story, palpate: str, folder: Path) -> None:
     story.tell("calibrate_sensor")
     story.tell("get_calibration")
     story.tell("get_sensor_health")
+    story.tell("get_sensor_package")
     story.tell("analyse_coverings")
     story.post("/v1/sensors", {"name": "pad", "preset": "xela-uskin-4x4"})
     story.tell("commission_sensor")
@@ -255,6 +256,14 @@ def tell(story: Story, palpate: str, folder: Path) -> None:
     story.tell("events", f"?sessions={session}")
     story.tell("close_sessions")
     story.tell("delete_session")
+
+    package = story.tell("get_package")
+    story.tell("get_block", hash=package["blocks"][0])
+    forwarding = story.operations["forward_session"][2]["requestBody"]["content"]["application/json"]["example"]
+    forwarded = EXAMPLE_ID[:-1] + "9"
+    story.tell("forward_session", body={**forwarding, "version_hash": package["hash"]}, session=forwarded)
+    story.tell("forward_entries", session=forwarded)
+    story.tell("get_forwarding")
 
     recorded = folder / "recording.json"
     for index in range(20):

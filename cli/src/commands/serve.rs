@@ -1,5 +1,7 @@
 //! `palpate serve`: the service, until Ctrl-C or SIGTERM.
 
+mod settings;
+
 use std::io::IsTerminal as _;
 use std::net::SocketAddr;
 use std::num::NonZeroU32;
@@ -8,13 +10,12 @@ use std::time::Duration;
 
 use anyhow::Context as _;
 use clap::{Args, ValueEnum};
-use palpate_server::tls::TlsFiles;
-use palpate_server::{Access, Config, Server};
-use palpate_store::audit::RingSizes;
+use palpate_server::{Config, Server};
 use palpate_store::private;
 use serde_json::json;
 
 use crate::admin_key::{AdminKeyFile, chosen};
+use crate::forwarder::{self, ForwardArgs};
 use crate::output::Output;
 use crate::supervisor::{self, Notice};
 
@@ -32,6 +33,8 @@ pub(crate) struct ServeArgs {
     data: PathBuf,
     #[command(flatten)]
     store: crate::cluster::StoreArgs,
+    #[command(flatten)]
+    forward: ForwardArgs,
     /// Address to listen on; port 0 takes any free port.
     #[arg(long, env = "PALPATE_LISTEN", value_name = "ADDR", default_value = DEFAULT_LISTEN)]
     listen: SocketAddr,
@@ -286,7 +289,14 @@ pub(crate) async fn run(args: ServeArgs, output: Output) -> anyhow::Result<()> {
     let data = crate::cluster::place(cluster.as_ref(), &args.data);
     let first_admin_key = args.first_admin_key_file.as_deref().map(chosen).transpose()?;
     let key_file = key_file(&args)?;
-    let mut server = Server::start(Config { first_admin_key, cluster, ..config(args) }).await?;
+    let (forward, central) = args.forward.prepared()?.unzip();
+    anyhow::ensure!(
+        forward.is_none() || cluster.is_none(),
+        "a cell stores in a folder: `forward_to` excludes `store`"
+    );
+    let config = settings::config(args);
+    let started = Config { first_admin_key, cluster, forward: forward.clone(), ..config };
+    let mut server = Server::start(started).await?;
     let address = server.address();
     let mut started = json!({ "server": address, "docs": format!("{address}/docs"), "data": data });
     let admin_key = server.take_admin_key();
@@ -318,8 +328,14 @@ pub(crate) async fn run(args: ServeArgs, output: Output) -> anyhow::Result<()> {
     supervisor::tell(Notice::Ready);
     let (scheme, listening) = (server.scheme(), server.local_addr());
     let watching = tokio::spawn(async move { supervisor::watch(scheme, listening).await });
+    let outbox = server.take_outbox().zip(central).zip(forward);
+    let forwarding = outbox
+        .map(|((outbox, central), forward)| tokio::spawn(forwarder::run(outbox, central, forward)));
     let stopped = supervisor::until_told_to_stop().await;
     supervisor::tell(Notice::Stopping);
+    if let Some(forwarding) = forwarding {
+        forwarding.abort();
+    }
     // A second Ctrl-C does not wait for requests in progress.
     tokio::select! {
         () = server.shutdown() => {}
@@ -346,54 +362,4 @@ fn key_file(args: &ServeArgs) -> anyhow::Result<Option<AdminKeyFile>> {
         }
     };
     AdminKeyFile::prepare(&path).map(Some)
-}
-
-/// The server's configuration from the arguments.
-fn config(args: ServeArgs) -> Config {
-    let access = match args.access {
-        AccessChoice::Auto => Access::Auto,
-        AccessChoice::Keys => Access::Keys,
-        AccessChoice::Open => Access::Open,
-    };
-    let tls = args.tls_cert.zip(args.tls_key);
-    let usual = Config::new(args.data);
-    Config {
-        listen: args.listen,
-        insecure_bind: args.insecure_bind,
-        host_names: args.host_names,
-        access,
-        new_admin_key: args.new_admin_key,
-        open_metrics: args.open_metrics,
-        webhook_allow_private: args.webhook_allow_private,
-        tls: tls.map(|(certificate, key)| TlsFiles {
-            certificate,
-            key,
-            look_every: CERTIFICATE_LOOK_EVERY,
-        }),
-        cors_origins: args.cors_origins,
-        audit_entries_max: RingSizes {
-            changes: args.audit_entries,
-            refused: args.audit_refused,
-            strangers: args.audit_strangers,
-        },
-        failed_changes_per_minute: args.failed_changes,
-        model_memory_bytes_max: args.model_memory_mb * 1_000_000,
-        belief_memory_bytes_max: args.belief_memory_mb as usize * 1_000_000,
-        bodies_bytes_max: (args.body_memory_mb as usize) << 20,
-        answers_bytes_max: (args.answer_memory_mb as usize) << 20,
-        connections_max: args.connections as usize,
-        sessions_open_max: args.sessions_open as usize,
-        session_time_to_live: Duration::from_secs(args.session_ttl_s),
-        session_kept: args.keep_sessions_s.map(Duration::from_secs),
-        rate_per_second: args.rate,
-        requests_max: args.requests.map_or(usual.requests_max, |requests| requests as usize),
-        store_cache_bytes: args.store_cache_mb << 20,
-        compute_queue_max: args.compute_queue as usize,
-        training_time_max: Duration::from_secs(args.training_max_s),
-        migrate: args.migrate,
-        disk_reserve_bytes: args.disk_reserve_mb << 20,
-        store_slack_bytes: args.store_slack_mb << 20,
-        store_quota_bytes: Some(args.store_quota_mb * 1_000_000).filter(|bytes| *bytes > 0),
-        ..usual
-    }
 }

@@ -60,6 +60,7 @@ impl Live {
         readings: Vec<Incoming>,
         detail: BeliefDetail,
     ) -> Result<wire::ReadingsAdded, LiveError> {
+        self.check_writer()?;
         let mut state = self.turns.take().await?;
         let mut attempts = OVERTAKEN_MAX;
         let (status, n_new, belief) = loop {
@@ -96,6 +97,7 @@ impl Live {
         number: u64,
         detail: BeliefDetail,
     ) -> Result<wire::ReadingRetracted, LiveError> {
+        self.check_writer()?;
         let mut state = self.turns.take().await?;
         let mut attempts = OVERTAKEN_MAX;
         loop {
@@ -260,7 +262,7 @@ impl Live {
 
     /// The belief after new entries of the journal, for their sender and the followers. `handed`
     /// are the readings among them and their time of arrival (ms since 1970).
-    async fn renew(
+    pub(super) async fn renew(
         &self,
         state: &mut State,
         (handed, now): (Vec<Ready>, u64),
@@ -279,7 +281,7 @@ impl Live {
     }
 
     /// A slot to compute. Without a belief to answer it is taken only for followers.
-    fn place(&self, detail: BeliefDetail) -> Result<Option<Place>, LiveError> {
+    pub(super) fn place(&self, detail: BeliefDetail) -> Result<Option<Place>, LiveError> {
         match detail {
             BeliefDetail::Full | BeliefDetail::Top => Ok(Some(self.tools.pool.place()?)),
             BeliefDetail::None if self.is_followed() => Ok(self.tools.pool.place().ok()),

@@ -16,7 +16,7 @@ use crate::problem::body::{CONTENT_TYPE, title};
 use crate::problem::status;
 
 /// Operations and the example bodies of their requests.
-const REQUESTS: [(&str, &str); 31] = [
+const REQUESTS: [(&str, &str); 33] = [
     ("acknowledge_sessions", include_str!("../../../schemas/examples/acknowledge_sessions.json")),
     ("add_object_readings", include_str!("../../../schemas/examples/add_object_readings.json")),
     ("add_readings", include_str!("../../../schemas/examples/add_readings.json")),
@@ -34,6 +34,8 @@ const REQUESTS: [(&str, &str); 31] = [
     ("create_session", include_str!("../../../schemas/examples/create_session.json")),
     ("create_webhook", include_str!("../../../schemas/examples/create_webhook.json")),
     ("extend_session", include_str!("../../../schemas/examples/extend_session.json")),
+    ("forward_entries", include_str!("../../../schemas/examples/forward_entries.json")),
+    ("forward_session", include_str!("../../../schemas/examples/forward_session.json")),
     ("merge_maps", include_str!("../../../schemas/examples/merge_maps.json")),
     ("recalibrate_catalogue", include_str!("../../../schemas/examples/recalibrate_catalogue.json")),
     ("rotate_key", include_str!("../../../schemas/examples/rotate_key.json")),
@@ -49,6 +51,8 @@ const REQUESTS: [(&str, &str); 31] = [
     ("update_object", include_str!("../../../schemas/examples/update_object.json")),
     ("update_webhook", include_str!("../../../schemas/examples/update_webhook.json")),
 ];
+/// Hash of a block, BLAKE3 in hexadecimal.
+const BLOCK: &str = "9f2c5a0e7d41b8360c1fe9ab77d4253e6f80d1c2a4b59e3370f6128d9c4e5b7a";
 /// Answers by operation, as a server gave them.
 const RESPONSES: &str = include_str!("../../../schemas/examples/responses.json");
 /// A refusal of a value.
@@ -119,6 +123,7 @@ fn part_of_path(operation: &str, name: &str) -> Option<Value> {
         (_, "version") => json!(1),
         (_, "alias") => json!("candidate"),
         (_, "body") => json!("ridge"),
+        (_, "hash") => json!(BLOCK),
         (_, "robot") => json!("arm-3"),
         (_, "seq") => json!(17),
         (_, "number") => json!(0),

@@ -39,7 +39,8 @@ mod tests {
                 assert!(may(&operation, Trainer), "trainer sees less than viewer: {operation}");
             }
             if may(&operation, Robot) && rule.effect != Reads {
-                let of_readings = ["add_readings", "retract_reading", "retract_robot_reading"];
+                let of_readings =
+                    ["add_readings", "forward_entries", "retract_reading", "retract_robot_reading"];
                 let of_sessions =
                     operation.contains("session") || of_readings.contains(&operation.as_str());
                 assert!(of_sessions, "robot: {operation}");

@@ -9,6 +9,7 @@ mod interest;
 mod loading;
 mod maps;
 mod memory;
+pub(crate) mod packages;
 mod removal;
 
 use std::sync::Arc;
@@ -16,6 +17,7 @@ use std::sync::Arc;
 use dashmap::DashMap;
 use palpate_dissertation::geometric::TableBudget;
 use palpate_schemas as wire;
+use palpate_store::catalogue::AdoptError;
 use palpate_store::catalogue::{Catalogue, Catalogues as Table, Draft, Manifest};
 use palpate_store::database::Database;
 use palpate_store::error::StoreError;
@@ -91,6 +93,13 @@ pub(crate) enum CatalogueError {
          train a new one, or restore a snapshot"
     )]
     Quarantined { catalogue: String, version: u32, reason: String },
+    #[error(
+        "version {version} of catalogue {catalogue:?} has another content here, {found}, than that \
+         of the session, {expected}"
+    )]
+    OtherContent { catalogue: String, version: u32, expected: String, found: String },
+    #[error(transparent)]
+    Adopt(#[from] AdoptError),
     #[error(transparent)]
     NoPart(#[from] NoPart),
     #[error(transparent)]

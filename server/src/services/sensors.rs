@@ -1,6 +1,7 @@
 //! The sensors of readings. They are immutable but for their labels, and are cached from their first
 //! use until their labels change or they are removed.
 
+mod packages;
 mod removal;
 
 use std::sync::Arc;
@@ -96,7 +97,7 @@ impl Sensors {
         Ok(self.known.find(reference)?.filter(|sensor| !self.closed.contains(&sensor.id)))
     }
 
-    fn source(&self, reference: &str) -> Result<Option<Source>, Cause> {
+    pub(crate) fn source(&self, reference: &str) -> Result<Option<Source>, Cause> {
         let usable = self.find_to_use(reference)?;
         Ok(usable.map(|sensor| self.known.source(sensor)).transpose()?)
     }

@@ -10,13 +10,16 @@ mod attention;
 mod elsewhere;
 mod fits;
 mod fleet;
+mod forwarded;
 mod health;
 mod ids;
 mod life;
 mod listing;
 mod open;
 mod outcome;
+mod outgoing;
 mod questions;
+mod retraction;
 mod search;
 mod watch;
 
@@ -28,7 +31,7 @@ use dashmap::DashMap;
 use palpate_schemas as wire;
 use palpate_schemas::{BeliefDetail, Method, SessionEvent, SessionState};
 use palpate_store::database::Database;
-use palpate_store::entity::{ReadingId, Session};
+use palpate_store::entity::Session;
 use palpate_store::error::StoreError;
 use thiserror::Error;
 use tokio::sync::Mutex;
@@ -47,6 +50,7 @@ use crate::live::trace::Traces;
 use crate::live::{Live, LiveError, Tools, Total, status};
 use crate::model::Model;
 use crate::notices::Notices;
+use crate::outgoing::Outgoing;
 use crate::services::catalogues::{CatalogueError, Catalogues};
 use crate::services::keys::Keys;
 use crate::services::keys::error::KeyError;
@@ -56,6 +60,7 @@ use crate::wire::session::Outcome;
 use crate::wire::{self as convert};
 use ids::Ids;
 use open::Open;
+pub(crate) use outgoing::OutgoingSession;
 
 /// All sessions.
 pub(crate) struct Sessions {
@@ -76,6 +81,7 @@ pub(crate) struct Sessions {
     answer_timeout: Duration,
     /// Held while the watch forms a belief, whose model others may have to wait for.
     recalling: Mutex<()>,
+    outgoing: Arc<Outgoing>,
 }
 
 impl Sessions {
@@ -84,7 +90,8 @@ impl Sessions {
         catalogues: Arc<Catalogues>,
         sensors: Arc<Sensors>,
         pool: Pool,
-        (keys, notices): (Arc<Keys>, Arc<Notices>),
+        keys: Arc<Keys>,
+        (notices, outgoing): (Arc<Notices>, Arc<Outgoing>),
         config: &Config,
     ) -> Self {
         let tools = Tools {
@@ -111,6 +118,7 @@ impl Sessions {
             time_to_live: config.session_time_to_live,
             answer_timeout: config.answer_timeout,
             recalling: Mutex::default(),
+            outgoing,
         }
     }
 
@@ -121,21 +129,26 @@ impl Sessions {
         request: &wire::AddReadings,
         detail: BeliefDetail,
     ) -> Result<wire::ReadingsAdded, SessionError> {
-        let live = self.live(self.parse(id)?).await?;
+        let id = self.parse(id)?;
+        let live = self.live(id).await?;
         let frame_id = convert::session::frame_id(live.session());
         let using = self.sensors.using().await;
         convert::reading::check_size(&request.readings)?;
         let sources = self.sensors.sources(&request.readings)?;
         let readings = convert::reading::readings(&request.readings, sources, frame_id)?;
         live.check(&readings)?;
-        let ids = readings.iter().enumerate();
-        let ids = ids.filter_map(|(place, reading)| Some((place, reading.id.as_ref()?)));
-        self.keys.claim_robots(asker::Asker::current().key(), ids).await?;
+        let robots = readings.iter().enumerate();
+        let robots = robots.filter_map(|(place, reading)| Some((place, reading.id.as_ref()?)));
+        self.keys.claim_robots(asker::Asker::current().key(), robots).await?;
         let is_followed = live.is_followed();
         let named: Vec<Uuid> = readings.iter().map(|reading| reading.sensor.id).collect();
+        let outgoing = Arc::clone(&self.outgoing);
         let adding = async move {
             let _using = using;
-            live.add(readings, detail).await
+            let added = live.add(readings, detail).await;
+            // Also readings whose belief failed may be stored.
+            outgoing.note(id, added.as_ref().map_or(0, |added| u64::from(added.n_new)));
+            added
         };
         // Followers of the session wait for its belief as well.
         let adding = match is_followed {
@@ -145,55 +158,6 @@ impl Sessions {
         let mut added = finished(adding).await?;
         added.warnings.extend(self.sensors.health().warnings(&named));
         Ok(added)
-    }
-
-    /// Withdraws the reading with a number within the session.
-    pub(crate) async fn retract(
-        &self,
-        id: &str,
-        number: &str,
-        detail: BeliefDetail,
-    ) -> Result<wire::ReadingRetracted, SessionError> {
-        let session = self.find(id)?.id;
-        let number = number.parse().map_err(|_| Cause::unknown("reading", number))?;
-        self.retract_number(session, number, detail).await
-    }
-
-    /// Withdraws the reading with a robot's number.
-    pub(crate) async fn retract_of_robot(
-        &self,
-        id: &str,
-        robot: &str,
-        seq: &str,
-        detail: BeliefDetail,
-    ) -> Result<wire::ReadingRetracted, SessionError> {
-        let session = self.find(id)?.id;
-        let unknown = || Cause::unknown("reading", format!("{robot}/{seq}"));
-        let seq = seq.parse().map_err(|_| unknown())?;
-        let reading_id = ReadingId { robot: robot.to_owned(), seq };
-        let number = self.number(session, &reading_id)?.ok_or_else(unknown)?;
-        self.retract_number(session, number, detail).await
-    }
-
-    /// The entry with a robot's number: of the caller's own key, else of the key that owns
-    /// the robot's name.
-    fn number(&self, session: Uuid, id: &ReadingId) -> Result<Option<u64>, StoreError> {
-        let journal = self.tools.store.journal();
-        let own = journal.find(session, id, asker::Asker::current().key())?;
-        if own.is_some() {
-            return Ok(own);
-        }
-        journal.find(session, id, self.keys.holder(&id.robot))
-    }
-
-    async fn retract_number(
-        &self,
-        session: Uuid,
-        number: u64,
-        detail: BeliefDetail,
-    ) -> Result<wire::ReadingRetracted, SessionError> {
-        let live = self.live(session).await?;
-        finished(asker::spawn(async move { live.retract(number, detail).await })).await
     }
 
     /// The id of a session in a path.

@@ -370,7 +370,7 @@ fn stamp_ns(pointer: &str, given: wire::Stamp) -> Result<i64, Invalid> {
     Ok((given.sec * 1_000_000_000 + nanosec) as i64)
 }
 
-fn stamp(ns: i64) -> wire::Stamp {
+pub(super) fn stamp(ns: i64) -> wire::Stamp {
     let ns = u64::try_from(ns).unwrap_or(0);
     wire::Stamp { sec: ns / 1_000_000_000, nanosec: (ns % 1_000_000_000) as u32 }
 }

@@ -71,6 +71,21 @@ pub(crate) struct Options {
     /// Of an ended session.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) outcome: Option<Outcome>,
+    /// Name of the cell that forwards the session.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) cell: Option<String>,
+    /// Set when all of an ended session is at the central service.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) forwarded: Option<ForwardMark>,
+}
+
+/// Mark in an ended session's record: all that it has is at a central service.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq)]
+pub(crate) struct ForwardMark {
+    /// Address of the central service.
+    pub(crate) to: String,
+    /// Hash of the labels and the truth that were forwarded.
+    pub(crate) print: String,
 }
 
 /// What a session came to, in short.
@@ -137,6 +152,7 @@ pub(crate) fn session(
         latest: outcome.latest,
         touched_by: outcome.touched_by,
         labels: options.labels,
+        cell: options.cell,
     }
 }
 

@@ -15,6 +15,7 @@ mod contacts;
 mod coupling;
 mod door;
 mod fleet;
+mod forwarding;
 mod frames;
 mod geometry;
 mod harness;

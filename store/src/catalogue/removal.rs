@@ -28,7 +28,8 @@ impl Manifest {
         self.parameters == REMOVED && self.blocks.is_empty()
     }
 
-    fn removed(&self) -> Self {
+    /// The manifest that stands for a removed version.
+    pub(super) fn removed(&self) -> Self {
         Self {
             job: None,
             parameters: REMOVED.to_owned(),

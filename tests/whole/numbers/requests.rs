@@ -134,7 +134,14 @@ pub(crate) fn bases(operation: &Operation, placeholders: &[(String, Vec<String>)
         _ => bodies(&operation.path).into_iter().map(Some).collect(),
     };
     let mut bases = Vec::new();
-    for path in filled(&operation.path, placeholders) {
+    let is_forwarding =
+        operation.method == Method::PUT && operation.path == "/v1/sessions/{session}";
+    let paths = match is_forwarding {
+        // The sessions of the set-up belong to robots.
+        true => vec!["/v1/sessions/0198a0d0-0000-7000-8000-000000000000".to_owned()],
+        false => filled(&operation.path, placeholders),
+    };
+    for path in paths {
         for body in &bodies {
             let (method, path, body) = (operation.method.clone(), path.clone(), body.clone());
             bases.push(Base { method, path, body });
@@ -181,6 +188,18 @@ fn bodies(path: &str) -> Vec<Value> {
         "/v1/sensors/{sensor}/commissionings" => vec![commissioning()],
         "/v1/sensors/{sensor}/check" => vec![full(reading()), featured(), contact()],
         "/v1/sessions" => sessions(),
+        "/v1/sessions/{session}" => {
+            let hash = "0".repeat(64);
+            let forwarded =
+                |session: &Value| json!({"cell": "cell", "version_hash": hash, "session": session});
+            sessions().iter().map(forwarded).collect()
+        }
+        "/v1/sessions/{session}/forwarded" => {
+            let readings = [full(reading()), featured(), contact()];
+            let forwarded =
+                |reading| json!({"from": 0, "entries": [{"reading": reading}, {"retracts": 0}]});
+            readings.map(forwarded).to_vec()
+        }
         "/v1/fleet/acknowledgements" => {
             vec![json!({"sessions": ["00000000-0000-0000-0000-000000000001"], "mute_s": 60})]
         }

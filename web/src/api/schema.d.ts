@@ -327,6 +327,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/catalogues/{name}/versions/{version}/blocks/{hash}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get a block of a version
+         * @description The content of a block, which has the hash in the path.
+         */
+        get: operations["get_block"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/catalogues/{name}/versions/{version}/objects/{object}/interest": {
         parameters: {
             query?: never;
@@ -427,6 +447,27 @@ export interface paths {
          *     `slice` it shows the middle layer.
          */
         get: operations["get_occupancy_png"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/catalogues/{name}/versions/{version}/package": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get a version as a package
+         * @description For a cell: describes a version so that another server can take it over with the same number,
+         *     and names its blocks, which `…/blocks/{hash}` returns.
+         */
+        get: operations["get_package"];
         put?: never;
         post?: never;
         delete?: never;
@@ -604,6 +645,26 @@ export interface paths {
          *     session is in its result.
          */
         post: operations["close_sessions"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/forwarding": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get the state of forwarding
+         * @description Whether this server is a cell, what waits to be forwarded, and since when the line is down.
+         */
+        get: operations["get_forwarding"];
+        put?: never;
+        post?: never;
         delete?: never;
         options?: never;
         head?: never;
@@ -1141,6 +1202,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/sensors/{sensor}/package": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get a sensor as a package
+         * @description For a cell: the sensor with all its calibrations and passports, as they are stored.
+         */
+        get: operations["get_sensor_package"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/sensors/{sensor}/passport": {
         parameters: {
             query?: never;
@@ -1197,7 +1278,13 @@ export interface paths {
         };
         /** Get a session */
         get: operations["get_session"];
-        put?: never;
+        /**
+         * Forward a session
+         * @description For a cell (`palpate serve --forward-to`): creates its session here under the same id, or finds
+         *     it. The session does not expire; the cell closes it. 404 if this server does not have the
+         *     version, 409 if its version has another content, or if the id belongs to another session.
+         */
+        put: operations["forward_session"];
         post?: never;
         /** Delete a session with its readings */
         delete: operations["delete_session"];
@@ -1291,6 +1378,28 @@ export interface paths {
         get: operations["explain_session"];
         put?: never;
         post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/sessions/{session}/forwarded": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Forward entries of a session
+         * @description For a cell: appends readings and retractions at the numbers that they have there, so that a
+         *     repetition changes nothing. 409 if an entry has another content than the stored one, or does not
+         *     follow; 410 if the session was closed here.
+         */
+        post: operations["forward_entries"];
         delete?: never;
         options?: never;
         head?: never;
@@ -2845,6 +2954,13 @@ export interface components {
          * @enum {string}
          */
         Descriptor: "vectorize" | "sift" | "mr8" | "moment_normalized" | "polar_fourier" | "polar_fourier_rw" | "polar_fourier_ni" | "polar_fourier_signed" | "mnti" | "steerable" | "schmid" | "polar_spectrum";
+        /** @description A sensor that differs from the one of the same name at the central service. */
+        DifferentSensor: {
+            /** @description Name of the sensor. */
+            name: string;
+            /** @description How it differs. */
+            problem: string;
+        };
         /** @description A range of distances between touches, in 40 steps. */
         DistanceRange: {
             /**
@@ -2863,6 +2979,24 @@ export interface components {
          * @enum {string}
          */
         Drawing: "as_is" | "on_plane" | "at_contact";
+        /** @description Result of forwarding entries. */
+        EntriesForwarded: {
+            /**
+             * Format: int32
+             * @description Number of entries that were new.
+             */
+            n_new: number;
+            /**
+             * Format: int32
+             * @description Number of entries of the session's journal now, with those that were already there.
+             */
+            revision: number;
+            /**
+             * Format: uuid
+             * @description The session's id.
+             */
+            session: string;
+        };
         /** @description The explained answer. */
         ExplainedAnswer: {
             /** @description Name of the object when it was trained. */
@@ -3035,6 +3169,23 @@ export interface components {
             /** @description With `?trace=true` the newest beliefs, at most 24, oldest first; else empty. */
             trace: components["schemas"]["TracePoint"][];
         };
+        /** @description A catalogue whose current version a cell takes from the central service. */
+        FollowedCatalogue: {
+            /**
+             * Format: int32
+             * @description Current version of this server; null without one.
+             */
+            current_here?: number | null;
+            /**
+             * Format: int32
+             * @description Current version at the central service, as last heard; null if none was.
+             */
+            current_there?: number | null;
+            /** @description Name of the catalogue. */
+            name: string;
+            /** @description Why the two differ, if something is wrong. */
+            problem?: string | null;
+        };
         /** @description One knot of a force curve. */
         ForceKnot: {
             /**
@@ -3047,6 +3198,84 @@ export interface components {
              * @description Pressure that a taxel reports at this displacement, in pascal.
              */
             pressure: number;
+        };
+        /** @description Entries of a forwarded session's journal. */
+        ForwardEntries: {
+            /** @description 1 to 1000 entries in the order of the journal, stored whole or not at all. */
+            entries: components["schemas"]["ForwardedEntry"][];
+            /**
+             * Format: int32
+             * @description Number of the first entry in the session's journal, from 0.
+             */
+            from: number;
+        };
+        /** @description A session of a cell, as the cell created it. */
+        ForwardSession: {
+            /**
+             * @description Name of the cell.
+             * @example cell-7
+             */
+            cell: string;
+            /** @description The settings of the session. `catalogue` and `version` are required; `ttl_s` has no effect. */
+            session: components["schemas"]["CreateSession"];
+            /** @description Hash of the version that the session began with, as `GET …/package` states it. */
+            version_hash: string;
+        };
+        /** @description A journal's entry: a reading or a retraction. */
+        ForwardedEntry: {
+            reading?: components["schemas"]["Reading"] | null;
+            /**
+             * Format: int32
+             * @description Number of the reading that is retracted.
+             */
+            retracts?: number | null;
+        };
+        /** @description Whether this server is a cell that forwards its sessions, and how far it is. */
+        Forwarding: {
+            /** @description The followed catalogues. */
+            catalogues: components["schemas"]["FollowedCatalogue"][];
+            /** @description Name under which the central service knows this cell; null if this server does not forward. */
+            cell?: string | null;
+            /**
+             * Format: date-time
+             * @description Since when the central service cannot be reached, or refuses the key or all writes; null
+             *     while it takes them.
+             */
+            down_since?: string | null;
+            /**
+             * Format: int64
+             * @description Number of their readings and retractions that wait.
+             */
+            entries_waiting: number;
+            /**
+             * Format: date-time
+             * @description When the central service last answered; null before the first time.
+             */
+            last_answer_at?: string | null;
+            /** @description The last error of the line; null if there was none since the start. */
+            last_error?: string | null;
+            /**
+             * Format: date-time
+             * @description Since when the longest waiting session waits; null if none does. After a restart the
+             *     time counts from the session's creation.
+             */
+            oldest_waiting_since?: string | null;
+            /** @description The first of them, with the reasons. They are tried again every few minutes. */
+            refused: components["schemas"]["RefusedSession"][];
+            /** @description Sensors that differ from those of the same name at the central service, and why. */
+            sensors: components["schemas"]["DifferentSensor"][];
+            /**
+             * Format: int32
+             * @description Number of waiting sessions that the central service refused.
+             */
+            sessions_refused: number;
+            /**
+             * Format: int32
+             * @description Number of sessions with something that the central service does not have.
+             */
+            sessions_waiting: number;
+            /** @description Address of the central service; null if this server does not forward. */
+            to?: string | null;
         };
         /**
          * @description Kind of contact map.
@@ -4500,6 +4729,16 @@ export interface components {
          * @enum {string}
          */
         ReferenceBodyName: "ridge" | "sphere" | "cube" | "wedge";
+        /** @description A waiting session that the central service refused. */
+        RefusedSession: {
+            /** @description Why. */
+            reason: string;
+            /**
+             * Format: uuid
+             * @description The session's id.
+             */
+            session: string;
+        };
         /** @description Replay of a session: its answer at each revision. */
         Replay: {
             /** @description The belief after the last of these steps. */
@@ -4905,6 +5144,15 @@ export interface components {
          * @enum {string}
          */
         SensorKnowledge: "measured" | "data_sheet" | "unknown" | "commissioned";
+        /** @description A sensor with its calibrations, to be fetched by a cell. */
+        SensorPackage: {
+            /** @description The stored records of its calibrations, the oldest first, in base64. */
+            calibrations: string[];
+            /** @description Name of the sensor. */
+            name: string;
+            /** @description The sensor's stored record (`docs/formats.md`), in base64. */
+            record: string;
+        };
         /** @description A page of sensors. */
         SensorPage: {
             /** @description The sensors, oldest first. */
@@ -5012,6 +5260,8 @@ export interface components {
             bins?: number[] | null;
             /** @description Name of the session's catalogue. */
             catalogue: string;
+            /** @description Name of the cell that forwards the session; null if robots use it on this server. */
+            cell?: string | null;
             /**
              * Format: date-time
              * @description When the session ended; null while it is open.
@@ -6025,6 +6275,27 @@ export interface components {
             name: string;
             /** @description Version of the server. */
             version: string;
+        };
+        /** @description A version of a catalogue, to be fetched by a cell: its description, and its blocks by hash. */
+        VersionPackage: {
+            /** @description Hashes of its blocks, in hexadecimal. */
+            blocks: string[];
+            /**
+             * Format: int64
+             * @description Total bytes of its blocks.
+             */
+            bytes: number;
+            /** @description Name of the catalogue. */
+            catalogue: string;
+            /** @description Hash of the version: equal if and only if the content is. */
+            hash: string;
+            /** @description The version's stored record (`docs/formats.md`), in base64. */
+            record: string;
+            /**
+             * Format: int32
+             * @description Number of the version.
+             */
+            version: number;
         };
         /** @description A version of a catalogue, by name and number. */
         VersionReference: {
@@ -11000,6 +11271,174 @@ export interface operations {
             };
         };
     };
+    get_block: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /**
+                 * @description The catalogue's name
+                 * @example default
+                 */
+                name: string;
+                /**
+                 * @description The version's number
+                 * @example 1
+                 */
+                version: number;
+                /**
+                 * @description The block's BLAKE3 hash, in hexadecimal
+                 * @example 9f2c5a0e7d41b8360c1fe9ab77d4253e6f80d1c2a4b59e3370f6128d9c4e5b7a
+                 */
+                hash: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The block */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/octet-stream": number[];
+                };
+            };
+            /** @description The API key is missing or not valid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/blocks/{hash}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/blocks/{hash}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Nothing has this id or name */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/blocks/{hash}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
+            429: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/blocks/{hash}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal error, or the stored data is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/blocks/{hash}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
+            503: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/blocks/{hash}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
     get_interest: {
         parameters: {
             query?: never;
@@ -12623,6 +13062,186 @@ export interface operations {
             };
         };
     };
+    get_package: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /**
+                 * @description The catalogue's name
+                 * @example default
+                 */
+                name: string;
+                /**
+                 * @description The version's number
+                 * @example 1
+                 */
+                version: number;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The package */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "blocks": [
+                     *         "c23575feb81fcd7273ae65a3cb51c7256d9fd8134ff3381912935d824b664edc",
+                     *         "a5e2c6b67ef2fb5d664b9141d74e396387a23513c85c03807be3702c3ef3fc95",
+                     *         "c1037beb374e330a7ebb13ac631ce63c5ca436242b8b2e63c5591e045cc24e0f",
+                     *         "8ee11e0aca1a89ddf26bb00dd583b588af705066515a4b85cb3b2d70d8897bb8",
+                     *         "d795f6d9860eb0d8024e89fc87cce7bf0c5d1b7c6f418db2dc1c4af9fd39168e",
+                     *         "8ee11e0aca1a89ddf26bb00dd583b588af705066515a4b85cb3b2d70d8897bb8"
+                     *       ],
+                     *       "bytes": 46332,
+                     *       "catalogue": "default",
+                     *       "hash": "195bceb165ad4b291ad7192236a2950b271315139f0b8f063e1725d9c93f383c",
+                     *       "record": "UExQVA0AAQAAAAAAmQcAAKqkCwIBohktoip2X6H6NAJidaFGAQAAAAEBohktoitxX5RJjLuwrjTROAUAAAAAAAB7InRyYWluaW5nIjp7Im9iamVjdHMiOlsiMDFhMjE5MmQtMjVhMy03MWY2LWIxOWMtMTdmMWI5MGU3Y2EwIiwiMDFhMjE5MmQtMjViZi03MDg0LWEwMmYtNTE0MWYyYWFlZGNkIl0sInNlbnNvciI6IjAxYTIxOTJkLTFmY2MtNzYyOC04MDZmLTZiZWU5ZjA5NDc0MiIsInNlbnNvcl9rbm93bGVkZ2UiOiJtZWFzdXJlZCIsInJlYWRpbmdzX3Blcl9vYmplY3QiOjQwMCwic2VlZCI6Nywibl9jbGFzc2VzIjoyNSwiZGVzY3JpcHRvciI6Im1udGkiLCJzdXJmYWNlIjp0cnVlLCJzdmEiOmZhbHNlLCJhY3RpdmF0ZSI6dHJ1ZSwic3RyaWN0IjpmYWxzZX0sInJlcG9ydCI6eyJvYmplY3RzIjpbeyJpZCI6IjAxYTIxOTJkLTI1YTMtNzFmNi1iMTljLTE3ZjFiOTBlN2NhMCIsIm5hbWUiOiJtdWciLCJuX3JlYWRpbmdzIjo0MDAsInNlbnNvcl9rbm93bGVkZ2UiOiJtZWFzdXJlZCIsIm5fcGF0Y2hlcyI6MCwiaW5kZXhfYnl0ZXMiOjAsIm9yaWdpbl9pbl9tZXNoIjpbMi4xNTA4MjQ3ODQ5OTE3ODEyZS0xMSwtOS4wMzY4OTczMDM2MTQ3MzdlLTEyLC01LjI2MjM0NzQ2NjMxMDI4OWUtMTFdLCJzdXJmYWNlIjp7Im5fcGF0Y2hlcyI6MzYwLCJuX3BhaXJzIjo2NDM3NSwiYnl0ZXMiOjQ0MzYwMH0sImdlb21ldHJpYyI6bnVsbCwic3ltbWV0cnkiOltdLCJzeW1tZXRyeV9ieSI6Im1lc2giLCJzeW1tZXRyeV90b3VjaGVzX25lZWRlZCI6bnVsbCwid2FybmluZ3MiOltdfSx7ImlkIjoiMDFhMjE5MmQtMjViZi03MDg0LWEwMmYtNTE0MWYyYWFlZGNkIiwibmFtZSI6ImhhbW1lciIsIm5fcmVhZGluZ3MiOjQwMCwic2Vuc29yX2tub3dsZWRnZSI6Im1lYXN1cmVkIiwibl9wYXRjaGVzIjowLCJpbmRleF9ieXRlcyI6MCwib3JpZ2luX2luX21lc2giOlstNS4yODI2NDE1MjIwMTczOGUtMTIsLTQuNjczNzQxOTI1NjcyNDEwM2UtMjAsLTMuMjU2NDk5ODgyOTEwMTU5NmUtMTFdLCJzdXJmYWNlIjp7Im5fcGF0Y2hlcyI6MzYwLCJuX3BhaXJzIjo2MzExMSwiYnl0ZXMiOjQwOTU2Nn0sImdlb21ldHJpYyI6bnVsbCwic3ltbWV0cnkiOltdLCJzeW1tZXRyeV9ieSI6Im1lc2giLCJzeW1tZXRyeV90b3VjaGVzX25lZWRlZCI6bnVsbCwid2FybmluZ3MiOltdfV0sIm5fY2xhc3NlcyI6MCwiaW5kZXhfYnl0ZXMiOjAsInN1cmZhY2VfYnl0ZXMiOjg1MzE2Niwic2Vjb25kcyI6NC4yNDc2MTUxNDksInNlZWQiOjcsImFwcGVhcmFuY2UiOm51bGwsInNraXBwZWQiOltdLCJ3YXJuaW5ncyI6W10sImNhbGlicmF0ZWQiOnRydWUsImNhbGlicmF0ZWRfb24iOjIsInVuY2FsaWJyYXRlZF9yZWFzb24iOm51bGwsInNlbnNvcl9rbm93bGVkZ2UiOiJtZWFzdXJlZCJ9LCJtZXJnZWRfZnJvbSI6W119AgAAAAAAAAABohktJaNx9rGcF/G5DnygAwAAAAAAAABtdWcBohktJb9whKAvUUHyqu3NBgAAAAAAAABoYW1tZXIGAAAAAAAAAAoAAAAAAAAAdm9jYWJ1bGFyecI1df64H81yc65lo8tRxyVtn9gTT/M4GRKTXYJLZk7cJAAAAAAAAAAHAAAAAAAAAHN1cmZhY2Wl4sa2fvL7XWZLkUHXTjljh6I1E8hcA4B743AsPvP8lfAhAAAAAAAALAAAAAAAAABzdXJmYWNlLzAxYTIxOTJkLTI1YTMtNzFmNi1iMTljLTE3ZjFiOTBlN2NhMMEDe+s3TjMKfrsTrGMc5jxcpDYkK4suY8VZHgRcwk4PVEkAAAAAAAAtAAAAAAAAAHN5bW1ldHJ5LzAxYTIxOTJkLTI1YTMtNzFmNi1iMTljLTE3ZjFiOTBlN2NhMI7hHgrKGond8muwDdWDtYivcFBmUVpLhcs7LXDYiXu4IAAAAAAAAAAsAAAAAAAAAHN1cmZhY2UvMDFhMjE5MmQtMjViZi03MDg0LWEwMmYtNTE0MWYyYWFlZGNk15X22YYOsNgCTon8h8znvwxdG3xvQY2y3BxK+f05Fo5USQAAAAAAAC0AAAAAAAAAc3ltbWV0cnkvMDFhMjE5MmQtMjViZi03MDg0LWEwMmYtNTE0MWYyYWFlZGNkjuEeCsoaid3ya7AN1YO1iK9wUGZRWkuFyzstcNiJe7ggAAAAAAAAAMOyLRmiAQAA",
+                     *       "version": 1
+                     *     }
+                     */
+                    "application/json": components["schemas"]["VersionPackage"];
+                };
+            };
+            /** @description The API key is missing or not valid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/package",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/package",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Nothing has this id or name */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/package",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
+            429: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/package",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal error, or the stored data is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/package",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
+            503: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/package",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
     get_report: {
         parameters: {
             query?: never;
@@ -13844,6 +14463,7 @@ export interface operations {
                      *           "session": {
                      *             "bins": null,
                      *             "catalogue": "default",
+                     *             "cell": null,
                      *             "closed_at": null,
                      *             "created_at": "2026-11-26T07:07:54.493Z",
                      *             "ended": null,
@@ -13902,6 +14522,7 @@ export interface operations {
                      *           "session": {
                      *             "bins": null,
                      *             "catalogue": "lab",
+                     *             "cell": null,
                      *             "closed_at": null,
                      *             "created_at": "2026-11-26T07:07:54.439Z",
                      *             "ended": null,
@@ -14660,6 +15281,154 @@ export interface operations {
                      *       "status": 507,
                      *       "title": "Storage full",
                      *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    get_forwarding: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The state */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "catalogues": [],
+                     *       "cell": null,
+                     *       "down_since": null,
+                     *       "entries_waiting": 0,
+                     *       "last_answer_at": null,
+                     *       "last_error": null,
+                     *       "oldest_waiting_since": null,
+                     *       "refused": [],
+                     *       "sensors": [],
+                     *       "sessions_refused": 0,
+                     *       "sessions_waiting": 0,
+                     *       "to": null
+                     *     }
+                     */
+                    "application/json": components["schemas"]["Forwarding"];
+                };
+            };
+            /** @description The API key is missing or not valid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/forwarding",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the required roles: trainer, viewer, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/forwarding",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
+            429: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/forwarding",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal error, or the stored data is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/forwarding",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
+            503: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/forwarding",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
@@ -24285,6 +25054,173 @@ export interface operations {
             };
         };
     };
+    get_sensor_package: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /**
+                 * @description The sensor's id or name
+                 * @example left-finger
+                 */
+                sensor: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The package */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "calibrations": [
+                     *         "UExQVA8AAwAAAAAADAEAALNRVPQBohktKTR0Kag41uLgbCWrAQAAAAEBAAAAAAAAgPFJXEGAZmZmZjZlQA7TMIATju4//BZAk5kodEAAAAAAAADwP04BN/pjNGE9DAAAAAYAAAAAAAAAAQAAAMDN58CamZmZmaFpQAAAAAAAAPA/AQAAAAAAAACrYl9BAJqZmZmZE0AAAAAAAADwPwAAAAACAACAZkBgQUD/////v09AAAAAAAAA8D8AAAAAAQAAgArGWEEgMzMzM0ttQAAAAAAAAPA/AAAAAAEAAIBDflhByMzMzMyAd0AAAAAAAADwPwAAAAAAAACAG1VZQQgAAAAAXHVAAAAAAAAA8D8CAAAABAAAAABIKS0ZogEAAAAA"
+                     *       ],
+                     *       "name": "left-finger",
+                     *       "record": "UExQVAIABAAAAAAA4QAAANyc5oEBohktKTR0Kag41uLgbCWrCwAAAAAAAABsZWZ0LWZpbmdlcgACAAAAAwAAAPyp8dJNYmA/kst/SL99XT8fotEdxM5kPyJQ/YNIhmw/AgAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAH6LRHcTOZD8AAAAAAIjTQAAAAAAAiNNAAAAAAAAAWUAAAAAAAIhTQAABAAA0KS0ZogEAAAAB/Knx0k1iUD8CAAAAAAAAAACamZmZmZmpPwAAAAAAAAAAAQAAAAAAAAAAAQAAAAAAAAAEAAAAAAAAAGNlbGwBAAAAAAAAADM="
+                     *     }
+                     */
+                    "application/json": components["schemas"]["SensorPackage"];
+                };
+            };
+            /** @description The API key is missing or not valid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/package",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/package",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Nothing has this id or name */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/package",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
+            429: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/package",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal error, or the stored data is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/package",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
+            503: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sensors/{sensor}/package",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
     get_passport: {
         parameters: {
             query?: {
@@ -24565,6 +25501,8 @@ export interface operations {
                  * @example site:oslo,shift
                  */
                 labels?: string;
+                /** @description Only sessions that this cell forwarded. */
+                cell?: string;
             };
             header?: never;
             path?: never;
@@ -24584,6 +25522,7 @@ export interface operations {
                      *         {
                      *           "bins": null,
                      *           "catalogue": "lab",
+                     *           "cell": null,
                      *           "closed_at": null,
                      *           "created_at": "2026-11-26T07:07:54.439Z",
                      *           "ended": null,
@@ -24646,6 +25585,7 @@ export interface operations {
                      *         {
                      *           "bins": null,
                      *           "catalogue": "default",
+                     *           "cell": null,
                      *           "closed_at": null,
                      *           "created_at": "2026-11-26T07:07:54.493Z",
                      *           "ended": null,
@@ -24868,6 +25808,7 @@ export interface operations {
                      * @example {
                      *       "bins": null,
                      *       "catalogue": "default",
+                     *       "cell": null,
                      *       "closed_at": null,
                      *       "created_at": "2026-11-26T07:07:54.493Z",
                      *       "ended": null,
@@ -25180,6 +26121,7 @@ export interface operations {
                      * @example {
                      *       "bins": null,
                      *       "catalogue": "default",
+                     *       "cell": null,
                      *       "closed_at": null,
                      *       "created_at": "2026-11-26T07:07:54.493Z",
                      *       "ended": null,
@@ -25351,6 +26293,361 @@ export interface operations {
                      *       "status": 503,
                      *       "title": "Server overloaded",
                      *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    forward_session: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The session's id at the cell, a UUIDv7 */
+                session: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                /**
+                 * @example {
+                 *       "cell": "cell-7",
+                 *       "session": {
+                 *         "catalogue": "default",
+                 *         "frame_id": "base_link",
+                 *         "labels": {
+                 *           "shift": "night"
+                 *         },
+                 *         "method": "surface",
+                 *         "risk": 0.05,
+                 *         "version": 1
+                 *       },
+                 *       "version_hash": "9f2c5a0e7d41b8360c1fe9ab77d4253e6f80d1c2a4b59e3370f6128d9c4e5b7a"
+                 *     }
+                 */
+                "application/json": components["schemas"]["ForwardSession"];
+            };
+        };
+        responses: {
+            /** @description The session; `revision` tells how many entries it has */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "bins": null,
+                     *       "catalogue": "default",
+                     *       "cell": "cell-7",
+                     *       "closed_at": null,
+                     *       "created_at": "2023-06-30T03:34:18.518Z",
+                     *       "ended": null,
+                     *       "expires_at": null,
+                     *       "frame_id": "base_link",
+                     *       "id": "01890a5d-ac96-774b-bcce-b302099a8059",
+                     *       "labels": {
+                     *         "shift": "night"
+                     *       },
+                     *       "latest": null,
+                     *       "leased_by": null,
+                     *       "leased_until": null,
+                     *       "method": "surface",
+                     *       "n_readings": 0,
+                     *       "n_retracted": 0,
+                     *       "object_moves": null,
+                     *       "particles": null,
+                     *       "pose_prior": null,
+                     *       "revision": 0,
+                     *       "risk": 0.05,
+                     *       "robots": null,
+                     *       "seed": null,
+                     *       "state": "open",
+                     *       "touched_by": [],
+                     *       "truth": null,
+                     *       "ttl_s": null,
+                     *       "unknown_prior": 0.05,
+                     *       "version": 1
+                     *     }
+                     */
+                    "application/json": components["schemas"]["Session"];
+                };
+            };
+            /** @description The body cannot be read */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The API key is missing or not valid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the required roles: robot, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Nothing has this id or name */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The body did not arrive in time */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The request conflicts with the current state, or its name or number is taken */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The content type is not one of those expected */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A value is invalid; `errors` names it */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *       "errors": [
+                     *         {
+                     *           "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *           "pointer": "/readings/0/pose/orientation"
+                     *         }
+                     *       ],
+                     *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 422,
+                     *       "title": "Invalid value",
+                     *       "type": "urn:palpate:problem:invalid-value"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
+            429: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal error, or the stored data is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
+            503: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The disk is full: nothing was stored */
+            507: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
@@ -25857,6 +27154,7 @@ export interface operations {
                      * @example {
                      *       "bins": null,
                      *       "catalogue": "default",
+                     *       "cell": null,
                      *       "closed_at": "2026-11-26T07:07:54.615Z",
                      *       "created_at": "2026-11-26T07:07:54.493Z",
                      *       "ended": "closed",
@@ -26622,6 +27920,410 @@ export interface operations {
             };
         };
     };
+    forward_entries: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The session's id */
+                session: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                /**
+                 * @example {
+                 *       "entries": [
+                 *         {
+                 *           "reading": {
+                 *             "frame_id": "base_link",
+                 *             "image": [
+                 *               0,
+                 *               0,
+                 *               0,
+                 *               0,
+                 *               0,
+                 *               0,
+                 *               0,
+                 *               900,
+                 *               2500,
+                 *               0,
+                 *               0,
+                 *               0,
+                 *               0,
+                 *               1800,
+                 *               4100,
+                 *               900,
+                 *               0,
+                 *               0,
+                 *               0,
+                 *               900,
+                 *               2500,
+                 *               0,
+                 *               0,
+                 *               0,
+                 *               0,
+                 *               0,
+                 *               0,
+                 *               0,
+                 *               0,
+                 *               0,
+                 *               0,
+                 *               0,
+                 *               0,
+                 *               0,
+                 *               0,
+                 *               0
+                 *             ],
+                 *             "pose": {
+                 *               "orientation": [
+                 *                 0,
+                 *                 0,
+                 *                 0,
+                 *                 1
+                 *               ],
+                 *               "position": [
+                 *                 0.4,
+                 *                 -0.1,
+                 *                 0.25
+                 *               ]
+                 *             },
+                 *             "robot": "arm-3",
+                 *             "sensor": "digitacts-6x6",
+                 *             "seq": 17,
+                 *             "stamp": {
+                 *               "nanosec": 500000000,
+                 *               "sec": 12
+                 *             }
+                 *           }
+                 *         },
+                 *         {
+                 *           "retracts": 0
+                 *         }
+                 *       ],
+                 *       "from": 0
+                 *     }
+                 */
+                "application/json": components["schemas"]["ForwardEntries"];
+            };
+        };
+        responses: {
+            /** @description The number of entries now */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "n_new": 2,
+                     *       "revision": 2,
+                     *       "session": "01890a5d-ac96-774b-bcce-b302099a8059"
+                     *     }
+                     */
+                    "application/json": components["schemas"]["EntriesForwarded"];
+                };
+            };
+            /** @description The body cannot be read */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body is not JSON: EOF while parsing a value at line 1",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/forwarded",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 400,
+                     *       "title": "Malformed request",
+                     *       "type": "urn:palpate:problem:malformed-request"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The API key is missing or not valid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the request has no API key",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/forwarded",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 401,
+                     *       "title": "Authentication required",
+                     *       "type": "urn:palpate:problem:unauthenticated"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the required roles: robot, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/forwarded",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 403,
+                     *       "title": "Forbidden",
+                     *       "type": "urn:palpate:problem:forbidden"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Nothing has this id or name */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "there is no session 01890a5d-ac96-774b-bcce-b302099a8057",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/forwarded",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 404,
+                     *       "title": "Not found",
+                     *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The body did not arrive in time */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body did not arrive within 60 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/forwarded",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 408,
+                     *       "title": "Request timeout",
+                     *       "type": "urn:palpate:problem:timeout"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The request conflicts with the current state, or its name or number is taken */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/forwarded",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The session was closed or has expired */
+            410: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the session was closed at 2026-11-26T02:24:37Z",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/forwarded",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 410,
+                     *       "title": "Session ended",
+                     *       "type": "urn:palpate:problem:session-ended"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/forwarded",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 413,
+                     *       "title": "Body too large",
+                     *       "type": "urn:palpate:problem:body-too-large"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The content type is not one of those expected */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the content type is text/plain, expected application/json",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/forwarded",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 415,
+                     *       "title": "Unsupported media type",
+                     *       "type": "urn:palpate:problem:unsupported-media-type"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A value is invalid; `errors` names it */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *       "errors": [
+                     *         {
+                     *           "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *           "pointer": "/readings/0/pose/orientation"
+                     *         }
+                     *       ],
+                     *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 422,
+                     *       "title": "Invalid value",
+                     *       "type": "urn:palpate:problem:invalid-value"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
+            429: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "32 requests wait for this session: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/forwarded",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 429,
+                     *       "title": "Rate limit exceeded",
+                     *       "type": "urn:palpate:problem:too-many-requests"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal error, or the stored data is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "internal error; the server's log has the reason",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/forwarded",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 500,
+                     *       "title": "Internal error",
+                     *       "type": "urn:palpate:problem:internal"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
+            503: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/forwarded",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 503,
+                     *       "title": "Server overloaded",
+                     *       "type": "urn:palpate:problem:overloaded"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The disk is full: nothing was stored */
+            507: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the disk is full: nothing was stored",
+                     *       "errors": [],
+                     *       "instance": "/v1/sessions/{session}/forwarded",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 507,
+                     *       "title": "Storage full",
+                     *       "type": "urn:palpate:problem:storage-full"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
     set_session_labels: {
         parameters: {
             query?: never;
@@ -26656,6 +28358,7 @@ export interface operations {
                      * @example {
                      *       "bins": null,
                      *       "catalogue": "default",
+                     *       "cell": null,
                      *       "closed_at": null,
                      *       "created_at": "2026-11-26T07:07:54.493Z",
                      *       "ended": null,
@@ -26993,6 +28696,7 @@ export interface operations {
                      * @example {
                      *       "bins": null,
                      *       "catalogue": "default",
+                     *       "cell": null,
                      *       "closed_at": null,
                      *       "created_at": "2026-11-26T07:07:54.493Z",
                      *       "ended": null,

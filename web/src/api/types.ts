@@ -17,6 +17,7 @@ export type FleetChanged = Schemas["FleetChanged"];
 export type TracePoint = Schemas["TracePoint"];
 export type InterestMap = Schemas["InterestMap"];
 export type InterestPlace = Schemas["InterestPlace"];
+export type Forwarding = Schemas["Forwarding"];
 export type Job = Schemas["Job"];
 export type MapPatch = Schemas["MapPatch"];
 export type MeshReport = Schemas["MeshReport"];

@@ -1,12 +1,13 @@
 // Health of the server: checks, metrics and version.
 import { ask, getJson } from "../api/http";
 import { useResource } from "../api/resource";
-import type { Readiness, Storage, Version } from "../api/types";
+import type { Forwarding, Readiness, Storage, Version } from "../api/types";
 import { bytes, count } from "../format";
 import { Show } from "../parts/Notes";
 import { who } from "../signin";
 import { Badge, Panel, ViewHead } from "../parts/Panel";
 import { Table } from "../parts/Table";
+import { ForwardingPanel } from "./Forwarding";
 import { StorageTables } from "./Storage";
 import { parseMetrics, quantile, total, type Sample } from "./metrics";
 
@@ -17,6 +18,7 @@ export function HealthView() {
   const ready = useResource("readyz", (signal) => getJson<Readiness>("/readyz", signal), EVERY_MS);
   const version = useResource("version", (signal) => getJson<Version>("/version", signal));
   const metrics = useResource("metrics", async (signal) => parseMetrics(await (await ask("/metrics", { signal })).text()), EVERY_MS);
+  const forwarding = useResource("forwarding", (signal) => getJson<Forwarding>("/v1/forwarding", signal), EVERY_MS);
   const storage = useResource("storage", (signal) => getJson<Storage>("/v1/storage", signal), STORAGE_EVERY_MS);
   return (
     <>
@@ -36,6 +38,7 @@ export function HealthView() {
           </Show>
         </Panel>
       </div>
+      {forwarding.data?.to && <ForwardingPanel state={forwarding.data} />}
       <Panel title="Storage" class="panel-storage">
         <Show of={storage} what="the storage" lines={4}>
           {(found) => <StorageTables storage={found} />}

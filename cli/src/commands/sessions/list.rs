@@ -46,6 +46,9 @@ pub(super) struct ListArgs {
     /// Only sessions with all these labels: `key` or `key:value`, separated by commas.
     #[arg(long)]
     labels: Option<String>,
+    /// Only sessions that this cell forwarded.
+    #[arg(long)]
+    cell: Option<String>,
     /// Maximum number of sessions.
     #[arg(long, default_value_t = 100)]
     limit: usize,
@@ -69,6 +72,7 @@ pub(super) async fn list(args: ListArgs, context: &Context) -> anyhow::Result<()
         since: args.since,
         until: args.until,
         labels: args.labels,
+        cell: args.cell,
         ..SessionsQuery::default()
     };
     let mut all = SessionPage { items: Vec::new(), next_cursor: None };

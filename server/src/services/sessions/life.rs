@@ -8,6 +8,7 @@ use std::time::Duration;
 use futures::stream::{self, StreamExt};
 use palpate_schemas as wire;
 use palpate_schemas::SessionEvent;
+use palpate_store::entity::Session;
 use palpate_store::error::StoreError;
 use rayon::prelude::*;
 use tokio::sync::watch;
@@ -23,6 +24,7 @@ use crate::cause::Cause;
 use crate::client::Client;
 use crate::clock::{now_ms, pause};
 use crate::live::{Live, LiveError, status};
+use crate::model::Model;
 use crate::services::catalogues::DEFAULT;
 use crate::wire::life::{opened_by, set_lease, set_truth};
 use crate::wire::session::{Limits, Outcome};
@@ -53,6 +55,7 @@ impl Sessions {
             closed.for_each(|session| self.sensors.health().note(session.id));
             let ends = page.items.par_iter().filter(|session| session.closed_at_ms.is_none());
             let ends = ends.map(|session| Ok((session, status(&self.tools.store, session, now)?)));
+            page.items.iter().try_for_each(|session| self.note_unforwarded(session))?;
             for (session, status) in ends.collect::<Result<Vec<_>, StoreError>>()? {
                 match status.end {
                     None => self.open.note(session.id, status.expires_at_ms, opened_by(session)),
@@ -78,17 +81,31 @@ impl Sessions {
         let pinned = self.catalogues.pin(name, request.version, request.alias.as_deref())?;
         let method = convert::session::method(request, pinned.has_surfaces);
         let model = self.model(pinned.catalogue, pinned.version, method).await?;
-        let (time_to_live, asker) = (self.time_to_live, asker::Asker::current());
-        let limits = Limits { time_to_live, now_ms: now_ms(), opened_by: asker.key() };
+        let (time_to_live, opened_by) = (self.time_to_live, asker::Asker::current().key());
+        let limits = Limits { time_to_live, now_ms: now_ms(), opened_by };
         let session =
             convert::session::new_session(request, method, &model, Uuid::now_v7(), limits)?;
         fits(&session, &model, self.belief_bytes_max)?;
-        let status = status(&self.tools.store, &session, limits.now_ms)?;
-        self.enter(session.id, status.expires_at_ms, asker.client())?;
+        self.begin(session, model, limits.now_ms).await
+    }
+
+    /// Stores a new session and opens it.
+    pub(super) async fn begin(
+        &self,
+        session: Session,
+        model: Arc<Model>,
+        now: u64,
+    ) -> Result<wire::Session, SessionError> {
+        let status = status(&self.tools.store, &session, now)?;
+        self.enter(session.id, status.expires_at_ms, asker::Asker::current().client())?;
         if let Err(error) = self.tools.store.sessions().create(&session).await {
-            self.open.leave(session.id);
+            // One with its id keeps its place.
+            if !matches!(error, StoreError::Exists { .. }) {
+                self.open.leave(session.id);
+            }
             return Err(error.into());
         }
+        self.outgoing.note(session.id, 0);
         tracing::debug!(session.id = %session.id, "Created session {}", session.id);
         self.ids.add(session.id);
         let (outcome, writer) = (Outcome::default(), |key| self.keys.writer(key));
@@ -155,6 +172,7 @@ impl Sessions {
             Ok::<(), SessionError>(())
         });
         changed.await??;
+        self.outgoing.note(id, 0);
         if is_new.load(Ordering::Relaxed) {
             let answer = if truth.was_right { "right" } else { "wrong" };
             let object = if truth.object.is_some() { "known" } else { "unknown" };
@@ -179,6 +197,7 @@ impl Sessions {
             }
         }
         self.leave(id);
+        self.outgoing.forget(id);
         self.ids.remove(id);
         tracing::info!(session.id = %id, "Deleted session {id}");
         Ok(())
@@ -269,7 +288,9 @@ impl Sessions {
                 return Ok((ended, None));
             }
             let end = status(&self.tools.store, session, now_ms())?.end;
-            if end.is_some_and(|end| end.at_ms <= before_ms) {
+            let is_over = end.is_some_and(|end| end.at_ms <= before_ms);
+            // A cell keeps what the central service does not have.
+            if is_over && self.is_forwarded(session) {
                 ended.push(session.id);
             }
         }
@@ -279,6 +300,7 @@ impl Sessions {
     /// Registers the end of a session.
     fn leave(&self, id: Uuid) {
         self.open.leave(id);
+        self.outgoing.note(id, 0);
         self.tools.traces.forget(id);
         self.sensors.health().note(id);
         self.tools.checkpoints.remove(id);

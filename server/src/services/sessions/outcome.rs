@@ -29,7 +29,9 @@ impl Sessions {
             set_labels(session, &asked.labels);
             Ok::<(), SessionError>(())
         });
-        Ok(self.show(&changed.await??)?)
+        let changed = changed.await??;
+        self.outgoing.note(id, 0);
+        Ok(self.show(&changed)?)
     }
 
     /// Stores the outcome of a session that ended without one. Beliefs that cost much are not

@@ -53,6 +53,7 @@ impl Search {
             && query.robot.as_ref().is_none_or(|robot| session.touched_by.contains(robot))
             && query.with_truth.is_none_or(|with| session.truth.is_some() == with)
             && self.labels.fits(&session.labels)
+            && query.cell.as_ref().is_none_or(|cell| session.cell.as_ref() == Some(cell))
             && (query.object.is_none() && query.none_of_these.is_none()
                 || taken_for(session).is_some_and(|taken| self.fits_object(&taken)))
     }
