@@ -355,8 +355,7 @@ fn config(args: ServeArgs) -> Config {
         AccessChoice::Keys => Access::Keys,
         AccessChoice::Open => Access::Open,
     };
-    let tls = args.tls_cert.zip(args.tls_key);
-    let usual = Config::new(args.data);
+    let (tls, usual) = (args.tls_cert.zip(args.tls_key), Config::new(args.data));
     Config {
         listen: args.listen,
         insecure_bind: args.insecure_bind,
@@ -391,6 +390,7 @@ fn config(args: ServeArgs) -> Config {
         compute_queue_max: args.compute_queue as usize,
         training_time_max: Duration::from_secs(args.training_max_s),
         migrate: args.migrate,
+        dividing: args.store.dividing(),
         disk_reserve_bytes: args.disk_reserve_mb << 20,
         store_slack_bytes: args.store_slack_mb << 20,
         store_quota_bytes: Some(args.store_quota_mb * 1_000_000).filter(|bytes| *bytes > 0),
