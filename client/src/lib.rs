@@ -30,6 +30,7 @@ mod keys;
 mod compactions;
 mod snapshots;
 mod storage;
+mod members;
 mod webhooks;
 mod history;
 mod sessions;

@@ -13,6 +13,7 @@ use crate::consistency::{self, Consistency};
 use crate::contact_rates::{self, ContactRates};
 use crate::controllers::{self, Controllers};
 use crate::covering::{self, Covering};
+use crate::divided_servers::{self, DividedServers};
 use crate::exploration::Exploration;
 use crate::explorations::ExplorationTrials;
 use crate::geometric_elsewhere::{self, GeometricElsewhere};
@@ -125,6 +126,8 @@ pub enum Experiment {
     ServerThroughput(ServerThroughput),
     /// The same readings through a folder and through one to three servers on a NATS cluster.
     SeveralServers(SeveralServers),
+    /// One catalogue on one server, and divided over two and four on a NATS cluster.
+    DividedServers(DividedServers),
     /// Time from a restart until the beliefs of all open sessions are answered again.
     Restart(Restart),
 }
@@ -179,6 +182,7 @@ impl Experiment {
             Self::Controllers(config) => controllers::run(config, progress),
             Self::ServerThroughput(config) => server_throughput::run(config, progress),
             Self::SeveralServers(config) => several_servers::run(config, progress),
+            Self::DividedServers(config) => divided_servers::run(config, progress),
             Self::Restart(config) => restart::run(config, progress),
         }
     }
@@ -268,6 +272,7 @@ mod tests {
             let needed = match command.get_name() {
                 name if name.starts_with("real-") => " --data folder",
                 "several-servers" => " --nats nats://host",
+                "divided-servers" => " --nats nats://host --palpate palpate",
                 _ => "",
             };
             let line = format!("{PROGRAM} {}{needed}", command.get_name());

@@ -29,6 +29,7 @@ pub mod object_sessions;
 pub mod server_throughput;
 pub mod restart;
 pub mod several_servers;
+pub mod divided_servers;
 pub mod next_touch;
 pub mod object_trials;
 pub mod finer_maps;

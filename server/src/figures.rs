@@ -20,8 +20,11 @@ const READINGS: [(&str, &str); 2] =
 /// Statuses of that route: a success, and those that an alert counts.
 const STATUSES: [&str; 5] = ["200", "429", "500", "503", "507"];
 /// Counters without labels.
-const PLAIN: [&str; 5] = [
+const PLAIN: [&str; 8] = [
+    "palpate_beliefs_partial_total",
     "palpate_beliefs_resumed_total",
+    "palpate_blocks_read_total",
+    "palpate_blocks_unanswered_total",
     "palpate_connections_refused_total",
     "palpate_readings_folded_total",
     "palpate_readings_total",

@@ -282,6 +282,9 @@ impl Live {
     }
 
     fn shown(&self, revision: u64, answer: &Answer) -> wire::Belief {
+        if !answer.missing.is_empty() {
+            metrics::counter!("palpate_beliefs_partial_total").increment(1);
+        }
         belief(&self.session, revision, answer, &self.model)
     }
 

@@ -4,6 +4,7 @@
 //! the running training, and closes the store last.
 
 mod database;
+mod dividing;
 
 use std::fmt;
 use std::net::SocketAddr;
@@ -34,7 +35,6 @@ use crate::rate::Rates;
 use crate::roles::Operations;
 use crate::router::router;
 use crate::services::audit::{Audit, is_essential};
-use crate::services::catalogues::Catalogues;
 use crate::services::commissionings::Commissionings;
 use crate::services::integrity;
 use crate::services::jobs::Jobs;
@@ -48,6 +48,7 @@ use crate::services::webhooks::Webhooks;
 use crate::tls::TlsError;
 use crate::{openapi, tls};
 use database::{close, database, open};
+use dividing::catalogues;
 
 /// Time limit of requests under way after a stop.
 const SHUTDOWN_PATIENCE: Duration = Duration::from_secs(10);
@@ -101,6 +102,9 @@ pub enum StartError {
     /// The files do not permit TLS.
     #[error(transparent)]
     Tls(#[from] TlsError),
+    /// Catalogues cannot be divided where one server has the store.
+    #[error("`--divide-copies` needs a shared store: `--store nats://…` and `--store-shared`")]
+    DividedAlone,
     /// The operating system has no random bits for the first key.
     #[error("cannot make the first key: {0}")]
     Random(#[from] getrandom::Error),
@@ -110,8 +114,8 @@ pub enum StartError {
     /// The operating system gives no threads.
     #[error("cannot start threads: {0}")]
     Threads(#[from] std::io::Error),
-    /// The training threads do not start.
-    #[error("cannot start the training threads: {0}")]
+    /// The threads of trainings, or of divided catalogues, do not start.
+    #[error("cannot start the threads of trainings or of divided catalogues: {0}")]
     TrainingThreads(#[from] rayon::ThreadPoolBuildError),
     /// The database cannot be opened.
     #[error(transparent)]
@@ -330,8 +334,7 @@ async fn assemble(
         Arc::clone(&objects),
         pool.clone(),
     );
-    let (models_max, tables_max) = (config.model_memory_bytes_max, config.belief_memory_bytes_max);
-    let catalogues = Arc::new(Catalogues::new(&store, pool.clone(), models_max, tables_max));
+    let catalogues = catalogues(&config, &store, pool.clone(), &stopping).await?;
     let notices = Arc::new(Notices::default());
     let outgoing = Arc::new(Outgoing::new(config.forward.clone()));
     let jobs = Arc::new(Jobs::new(

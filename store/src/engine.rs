@@ -9,6 +9,7 @@
 
 pub mod opening;
 pub mod lease;
+pub mod line;
 pub mod news;
 mod pending;
 
@@ -21,6 +22,7 @@ use uuid::Uuid;
 
 use crate::key::Space;
 use lease::{Lease, Leasing};
+use line::OpeningLine;
 use news::News;
 pub use pending::Pending;
 
@@ -100,6 +102,14 @@ pub trait Engine: Send + Sync + 'static {
     /// [`EngineError`] when the store cannot be asked.
     fn lease(&self, _name: &str) -> Leasing {
         Box::pin(std::future::ready(Ok(Some(Lease::lasting()))))
+    }
+
+    /// Opens the line to the servers that share the store, for the server with `id`.
+    ///
+    /// # Errors
+    /// [`EngineError`] when the store cannot be reached.
+    fn line(&self, _id: Uuid) -> OpeningLine {
+        Box::pin(std::future::ready(Ok(None)))
     }
 
     /// Bytes that each API key holds; those without one have the nil id.

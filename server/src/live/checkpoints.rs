@@ -5,19 +5,17 @@
 //! abilities, for the same version of the catalogue, from the first readings of the session's
 //! order. So the belief is the same, bit for bit, with and without it.
 
-use std::fs;
 use std::path::PathBuf;
-use std::sync::OnceLock;
 
 use uuid::Uuid;
 
 use crate::derived::DerivedFiles;
+use crate::program::{HASH_BYTES, program};
 
 /// Magic number of the files: Palpate's checkpoints, first format.
 const MAGIC: [u8; 8] = *b"PALPCHK1";
 /// Maximum length of a checkpoint's file, bytes.
 const BYTES_MAX: u64 = 64 << 20;
-const HASH_BYTES: usize = 32;
 
 /// The checkpoints of sessions.
 #[derive(Debug)]
@@ -60,40 +58,6 @@ impl Checkpoints {
     pub(crate) fn tidy(&self, stays: impl Fn(Uuid) -> bool) {
         self.0.tidy(stays);
     }
-}
-
-/// Hash of this program and its processor's abilities, since the last bits of numeric code
-/// may differ otherwise. `None` when the program cannot read itself.
-fn program() -> Option<[u8; HASH_BYTES]> {
-    static PROGRAM: OnceLock<Option<[u8; HASH_BYTES]>> = OnceLock::new();
-    *PROGRAM.get_or_init(|| {
-        let mut hasher = blake3::Hasher::new();
-        let read = std::env::current_exe().and_then(|path| {
-            hasher.update_reader(fs::File::open(path)?)?;
-            Ok(())
-        });
-        if let Err(error) = read {
-            tracing::warn!("No checkpoints of beliefs: the program cannot be read: {error}");
-            return None;
-        }
-        hasher.update(&[processor()]);
-        Some(*hasher.finalize().as_bytes())
-    })
-}
-
-/// The processor features that numeric libraries depend on.
-#[cfg(target_arch = "x86_64")]
-fn processor() -> u8 {
-    u8::from(std::arch::is_x86_feature_detected!("avx"))
-        | u8::from(std::arch::is_x86_feature_detected!("avx2")) << 1
-        | u8::from(std::arch::is_x86_feature_detected!("fma")) << 2
-        | u8::from(std::arch::is_x86_feature_detected!("avx512f")) << 3
-}
-
-/// The processor features that numeric libraries depend on.
-#[cfg(not(target_arch = "x86_64"))]
-fn processor() -> u8 {
-    0
 }
 
 /// Magic, hash of the rest, program, catalogue, version, order with its length, conclusions.

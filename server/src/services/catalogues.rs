@@ -4,8 +4,11 @@
 //! memory budget (`memory`).
 
 mod aliases;
+mod blocks;
+mod divided;
 mod elsewhere;
 mod interest;
+mod keeping;
 mod loading;
 mod maps;
 mod memory;
@@ -22,16 +25,20 @@ use palpate_store::catalogue::{Catalogue, Catalogues as Table, Draft, Manifest};
 use palpate_store::database::Database;
 use palpate_store::error::StoreError;
 use palpate_store::model_codec::{APPEARANCE_BLOCK, ModelPart};
+use rayon::ThreadPoolBuildError;
 use thiserror::Error;
 use uuid::Uuid;
 
 use crate::cause::Cause;
 use crate::clock::now_ms;
 use crate::compute::Pool;
+use crate::config::Config;
 use crate::limits::megabytes;
+use crate::members::Members;
 use crate::model::{Model, NoPart};
 use crate::wire::training::Unreadable;
 use crate::wire::{appearance, cursor, labels, page_id, page_length, page_number, training};
+use blocks::Blocks;
 use interest::Interests;
 use loading::Key;
 use memory::Memory;
@@ -46,7 +53,9 @@ pub(crate) struct Catalogues {
     /// A table for removals, which must work on a full disk.
     removing: Table,
     pool: Pool,
-    memory: Memory<Key, Model>,
+    memory: Arc<Memory<Key, Model>>,
+    /// The blocks of this member, where members divide catalogues.
+    blocks: Option<Arc<Blocks>>,
     /// The memory budget of geometric look-up tables.
     tables: Arc<TableBudget>,
     loading: tokio::sync::Mutex<()>,
@@ -89,6 +98,11 @@ pub(crate) enum CatalogueError {
     )]
     ModelsInUse { catalogue: String, version: u32, needed: u64, in_use: u64, budget: u64 },
     #[error(
+        "{n_missing} blocks of 64 objects of version {version} of catalogue {catalogue:?} do not \
+         answer: the servers that hold them are late or have no room, try again"
+    )]
+    BlocksMissing { catalogue: String, version: u32, n_missing: u32 },
+    #[error(
         "version {version} of catalogue {catalogue:?} is damaged ({reason}): use another version, \
          train a new one, or restore a snapshot"
     )]
@@ -115,16 +129,26 @@ impl<E: Into<Cause>> From<E> for CatalogueError {
 }
 
 impl Catalogues {
-    /// Models take at most `memory_bytes_max` bytes, the look-up tables of beliefs at most
-    /// `tables_bytes_max`.
+    /// Models and look-up tables within the bounds of a configuration. With `members` the
+    /// surfaces of large versions are divided among these.
+    ///
+    /// # Errors
+    /// When the operating system gives no threads.
     pub(crate) fn new(
         store: &Database,
         pool: Pool,
-        memory_bytes_max: u64,
-        tables_bytes_max: usize,
-    ) -> Self {
-        let (memory, tables) = (Memory::new(memory_bytes_max), TableBudget::new(tables_bytes_max));
-        Self {
+        members: Option<Arc<Members>>,
+        config: &Config,
+    ) -> Result<Self, ThreadPoolBuildError> {
+        let memory = Arc::new(Memory::new(config.model_memory_bytes_max));
+        let tables = TableBudget::new(config.belief_memory_bytes_max);
+        let of = |members| {
+            let (table, memory) = (store.catalogues(), Arc::clone(&memory));
+            Blocks::new(table, memory, members, config.compute_threads).map(Arc::new)
+        };
+        let blocks = members.map(of).transpose()?;
+        Ok(Self {
+            blocks,
             store: store.clone(),
             table: store.catalogues(),
             removing: store.essential().catalogues(),
@@ -136,7 +160,7 @@ impl Catalogues {
             damaged: DashMap::new(),
             using: tokio::sync::RwLock::new(()),
             publishing: tokio::sync::Mutex::new(()),
-        }
+        })
     }
 
     /// Bytes of the shared look-up tables of geometric beliefs.

@@ -50,7 +50,8 @@ pub(super) async fn open(options: &NatsOptions) -> Result<(Publisher, u64), Open
     Ok((publisher, last))
 }
 
-async fn connect(options: &NatsOptions) -> Result<Client, String> {
+/// A connection to the cluster.
+pub(super) async fn connect(options: &NatsOptions) -> Result<Client, String> {
     let mut connecting = ConnectOptions::new().name("palpate").connection_timeout(CONNECT_WITHIN);
     if let Some(file) = &options.credentials {
         let read = connecting.credentials_file(file).await;

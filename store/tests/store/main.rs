@@ -13,6 +13,7 @@ mod fsck;
 mod holding;
 mod keeping;
 mod labels;
+mod line;
 mod meshes;
 mod nats;
 mod removal;

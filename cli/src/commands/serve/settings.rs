@@ -51,6 +51,7 @@ pub(super) fn config(args: ServeArgs) -> Config {
         compute_queue_max: args.compute_queue as usize,
         training_time_max: Duration::from_secs(args.training_max_s),
         migrate: args.migrate,
+        dividing: args.store.dividing(),
         disk_reserve_bytes: args.disk_reserve_mb << 20,
         store_slack_bytes: args.store_slack_mb << 20,
         store_quota_bytes: Some(args.store_quota_mb * 1_000_000).filter(|bytes| *bytes > 0),
