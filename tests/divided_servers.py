@@ -183,6 +183,7 @@ def two_copies(start, readings, expected):
     assert seen(left[0], session) == expected, "after a death with two copies: another belief"
     within(MOVED_WITHIN_S, "two copies again", lambda: n_held(left) == 2 * N_BLOCKS)
     print("two copies on three servers, one of them killed: equal and whole beliefs")
+    within(HEARD_WITHIN_S, "two members", lambda: n_members(left[0]) == 2)
     shown = palpate("members", server=left[0])
     assert "2 servers, 2 copies" in shown and "3 of 3" in shown, shown
     for server in left:

@@ -23,11 +23,12 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::arguments::{ObjectSet, TouchSet, count};
-use crate::object_sessions::{Sessions, train_calibrated};
+use crate::object_sessions::Sessions;
 use crate::objects;
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::{mean, median};
 use crate::surface_scale::families;
+use crate::trained::train_calibrated;
 use sayings::{SAYINGS, Saying};
 
 /// Numbers of touches whose accuracy is stated.

@@ -13,11 +13,12 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::explorations::{Run, Strategy};
-use crate::object_sessions::{Recogniser, train_surface, train_sva};
+use crate::object_sessions::Recogniser;
 use crate::object_trials::Setting;
 use crate::objects::{TestObject, symmetries};
 use crate::report::Report;
 use crate::statistics::mean;
+use crate::trained::{train_surface, train_sva};
 
 /// Counts of readings after which the recognisers answer.
 const COUNTS: [usize; 9] = [1, 2, 3, 4, 5, 7, 10, 15, 20];

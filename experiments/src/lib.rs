@@ -26,6 +26,7 @@ pub mod controllers;
 pub mod covering;
 pub mod letters_geometric;
 pub mod object_sessions;
+pub mod trained;
 pub mod server_throughput;
 pub mod restart;
 pub mod several_servers;

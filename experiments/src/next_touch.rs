@@ -29,9 +29,9 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::arguments::{ObjectSet, count};
-use crate::object_sessions::train_surface;
 use crate::objects::{self, TestObject};
 use crate::report::{Outcome, Progress, Report};
+use crate::trained::train_surface;
 use figures::{plot, report_objects, report_policy, report_ratios};
 use robot::{Policy, Robot};
 

@@ -25,12 +25,13 @@ use serde::Serialize;
 
 use crate::arguments::{ObjectSet, TouchSet, count};
 use crate::disturbance::Disturbance;
-use crate::object_sessions::{Recogniser, Sessions, train_surface, train_sva};
+use crate::object_sessions::{Recogniser, Sessions};
 use crate::objects::{self, TestObject};
 use crate::played::{Played, report_wrong};
 use crate::report::{Outcome, Progress, Report};
 use crate::sensing::Sensing;
 use crate::statistics::median;
+use crate::trained::{train_surface, train_sva};
 
 /// Numbers of readings whose figures the summary states.
 const STATED_AT: [usize; 5] = [2, 3, 4, 6, 10];

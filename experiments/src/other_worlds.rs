@@ -34,12 +34,13 @@ use serde::Serialize;
 
 use crate::arguments::{ObjectSet, count};
 use crate::disturbance::Disturbance;
-use crate::object_sessions::{Recogniser, Sessions, train_surface};
+use crate::object_sessions::{Recogniser, Sessions};
 use crate::objects::{self, TestObject};
 use crate::played::Played;
 use crate::report::{Outcome, Progress, Report};
 use crate::stated::auroc;
 use crate::statistics::median;
+use crate::trained::train_surface;
 use commissioned::Commissioned;
 pub use drake::Drake;
 pub use method::Method;

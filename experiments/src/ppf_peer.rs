@@ -26,12 +26,13 @@ use serde::Serialize;
 
 use crate::arguments::{ObjectSet, TouchSet, count};
 use crate::disturbance::Disturbance;
-use crate::object_sessions::{Recogniser, Sessions, train_surface};
+use crate::object_sessions::{Recogniser, Sessions};
 use crate::objects;
 use crate::played::{Played, PoseError, Step};
 use crate::report::{Outcome, Progress, Report};
 use crate::sensing::Sensing;
 use crate::statistics::{mean, median};
+use crate::trained::train_surface;
 
 /// The script's exit code when its module is missing.
 const MODULE_MISSING: i32 = 3;

@@ -32,10 +32,10 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::arguments::{TouchSet, count};
-use crate::object_sessions::train_calibrated;
 use crate::objects::{self, TestObject};
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::{mean, median};
+use crate::trained::train_calibrated;
 
 /// Files of points, and the mesh of the object that was touched.
 const FELT: [(&str, &str); 6] = [

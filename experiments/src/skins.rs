@@ -30,11 +30,11 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::arguments::{TouchSet, count};
-use crate::object_sessions::train_calibrated;
 use crate::objects::{self, TestObject};
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::mean;
 use crate::surface_scale;
+use crate::trained::train_calibrated;
 
 /// Maximum distance of an object from the session's origin along each axis, metres.
 const REACH: f64 = 200.0 * MM;

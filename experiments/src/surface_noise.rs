@@ -23,11 +23,12 @@ use palpate_recogniser::train::SurfaceConfig;
 use serde::Serialize;
 
 use crate::arguments::{ObjectSet, count};
-use crate::object_sessions::{Recogniser, Sessions, train_surface, train_sva};
+use crate::object_sessions::{Recogniser, Sessions};
 use crate::objects::{self, TestObject};
 use crate::played::{Played, report_wrong};
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::median;
+use crate::trained::{train_surface, train_sva};
 pub use conditions::{Condition, Trained, conditions};
 use palpate_sim::plot::{Line, Panel, svg};
 

@@ -19,11 +19,12 @@ use palpate_sim::plot::{Line, Panel, svg};
 use serde::Serialize;
 
 use crate::arguments::{ObjectSet, TouchSet, count, millimetres};
-use crate::object_sessions::{Recogniser, Sessions, train_surface, train_sva};
+use crate::object_sessions::{Recogniser, Sessions};
 use crate::objects::{self, TestObject};
 use crate::played::{Played, PoseError, Step, report_wrong};
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::{mean, median};
+use crate::trained::{train_surface, train_sva};
 
 /// Numbers of readings whose accuracy the summary states.
 const STATED_AT: [usize; 6] = [1, 2, 3, 4, 6, 10];

@@ -22,11 +22,12 @@ use serde::Serialize;
 
 use crate::arguments::{ObjectSet, TouchSet, count};
 use crate::disturbance::Disturbance;
-use crate::object_sessions::{Recogniser, Sessions, train_surface, train_sva};
+use crate::object_sessions::{Recogniser, Sessions};
 use crate::objects;
 use crate::played::{Figures, Played};
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::median;
+use crate::trained::{train_surface, train_sva};
 
 /// Numbers of readings whose accuracy the summary states.
 const STATED_AT: [usize; 4] = [2, 3, 4, 10];

@@ -33,10 +33,11 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::arguments::{ObjectSet, count, share};
-use crate::object_sessions::{Recogniser, Sessions, train_calibrated, train_sva};
+use crate::object_sessions::{Recogniser, Sessions};
 use crate::objects::{self, TestObject};
 use crate::report::{Outcome, Progress, Report};
 use crate::stated::Stated;
+use crate::trained::{train_calibrated, train_sva};
 use oracle::Examined;
 
 /// Arguments of `unknown`.

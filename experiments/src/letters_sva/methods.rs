@@ -20,8 +20,8 @@ use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::SurfaceConfig;
 use palpate_sim::letters::{Letter, RotationOrder};
 
-use crate::object_sessions::train_surface;
 use crate::printed_sva::{Normals, Printed, PrintedForm};
+use crate::trained::train_surface;
 
 /// Poses that an answer states.
 const N_MODES: usize = 8;

@@ -19,10 +19,11 @@ use serde::Serialize;
 use super::echo::Echo;
 use super::{CATALOGUE, READINGS_PER_SESSION, ServerThroughput, Setting, measure, numbered};
 use crate::cpu_time::{process_seconds, thread_seconds};
-use crate::object_sessions::{Recogniser, Sessions, train_calibrated};
+use crate::object_sessions::{Recogniser, Sessions};
 use crate::objects;
 use crate::own_server::OwnServer;
 use crate::report::{Progress, Report};
+use crate::trained::train_calibrated;
 
 /// Robots whose requests are measured, as in the largest setting.
 const ROBOTS: usize = 64;

@@ -7,6 +7,7 @@ mod aliases;
 mod blocks;
 mod divided;
 mod elsewhere;
+mod error;
 mod interest;
 mod keeping;
 mod loading;
@@ -20,25 +21,22 @@ use std::sync::Arc;
 use dashmap::DashMap;
 use palpate_dissertation::geometric::TableBudget;
 use palpate_schemas as wire;
-use palpate_store::catalogue::AdoptError;
 use palpate_store::catalogue::{Catalogue, Catalogues as Table, Draft, Manifest};
 use palpate_store::database::Database;
 use palpate_store::error::StoreError;
 use palpate_store::model_codec::{APPEARANCE_BLOCK, ModelPart};
 use rayon::ThreadPoolBuildError;
-use thiserror::Error;
 use uuid::Uuid;
 
 use crate::cause::Cause;
 use crate::clock::now_ms;
 use crate::compute::Pool;
 use crate::config::Config;
-use crate::limits::megabytes;
 use crate::members::Members;
-use crate::model::{Model, NoPart};
-use crate::wire::training::Unreadable;
+use crate::model::Model;
 use crate::wire::{appearance, cursor, labels, page_id, page_length, page_number, training};
 use blocks::Blocks;
+pub(crate) use error::CatalogueError;
 use interest::Interests;
 use loading::Key;
 use memory::Memory;
@@ -74,58 +72,6 @@ pub(crate) struct Pinned {
     pub(crate) version: u32,
     /// Whether it has surfaces, which determines the available methods.
     pub(crate) has_surfaces: bool,
-}
-
-/// Error of a catalogue, a version or a model.
-#[derive(Debug, Error)]
-pub(crate) enum CatalogueError {
-    #[error("catalogue {catalogue:?} has no version {version}")]
-    NoVersion { catalogue: String, version: u32 },
-    #[error("catalogue {catalogue:?} has no current version: train it first")]
-    Untrained { catalogue: String },
-    #[error("the revision is {found}, `If-Match` expects {expected}")]
-    RevisionChanged { expected: String, found: u64 },
-    #[error(
-        "the {part} of version {version} of catalogue {catalogue:?} need {} of memory, more than \
-         the {} for models: raise `--model-memory-mb`",
-        megabytes(*.needed), megabytes(*.budget)
-    )]
-    ModelTooLarge { catalogue: String, version: u32, part: &'static str, needed: u64, budget: u64 },
-    #[error(
-        "version {version} of catalogue {catalogue:?} needs {} of memory, and the models in use \
-         already take {} of {}",
-        megabytes(*.needed), megabytes(*.in_use), megabytes(*.budget)
-    )]
-    ModelsInUse { catalogue: String, version: u32, needed: u64, in_use: u64, budget: u64 },
-    #[error(
-        "{n_missing} blocks of 64 objects of version {version} of catalogue {catalogue:?} do not \
-         answer: the servers that hold them are late or have no room, try again"
-    )]
-    BlocksMissing { catalogue: String, version: u32, n_missing: u32 },
-    #[error(
-        "version {version} of catalogue {catalogue:?} is damaged ({reason}): use another version, \
-         train a new one, or restore a snapshot"
-    )]
-    Quarantined { catalogue: String, version: u32, reason: String },
-    #[error(
-        "version {version} of catalogue {catalogue:?} has another content here, {found}, than that \
-         of the session, {expected}"
-    )]
-    OtherContent { catalogue: String, version: u32, expected: String, found: String },
-    #[error(transparent)]
-    Adopt(#[from] AdoptError),
-    #[error(transparent)]
-    NoPart(#[from] NoPart),
-    #[error(transparent)]
-    Unreadable(#[from] Unreadable),
-    #[error(transparent)]
-    Cause(Cause),
-}
-
-impl<E: Into<Cause>> From<E> for CatalogueError {
-    fn from(error: E) -> Self {
-        Self::Cause(error.into())
-    }
 }
 
 impl Catalogues {
