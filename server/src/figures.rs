@@ -31,8 +31,11 @@ const PLAIN: [&str; 8] = [
     "palpate_snapshots_total",
 ];
 
-/// Figures of a cell; other servers stay at 0.
-const FORWARDING: [&str; 5] = [
+/// Figures of a server that divides catalogues with others, and of a cell; other servers stay at 0.
+const SPECIAL: [&str; 8] = [
+    "palpate_members",
+    "palpate_blocks_held",
+    "palpate_blocks_absent",
     "palpate_forwarding_down_seconds",
     "palpate_forwarding_sessions_waiting",
     "palpate_forwarding_entries_waiting",
@@ -71,7 +74,7 @@ pub(crate) fn register() {
         }
     }
     let _ = metrics::histogram!("palpate_feedback_probability");
-    for name in FORWARDING {
+    for name in SPECIAL {
         metrics::gauge!(name).set(0.0);
     }
     metrics::gauge!("palpate_snapshot_timestamp_seconds").set(0.0);

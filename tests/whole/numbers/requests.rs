@@ -196,9 +196,9 @@ fn bodies(path: &str) -> Vec<Value> {
         }
         "/v1/sessions/{session}/forwarded" => {
             let readings = [full(reading()), featured(), contact()];
-            let forwarded =
-                |reading| json!({"from": 0, "entries": [{"reading": reading}, {"retracts": 0}]});
-            readings.map(forwarded).to_vec()
+            let entries = readings.map(|reading| json!({"reading": reading}));
+            let entries = entries.into_iter().chain([json!({"retracts": 0})]);
+            entries.map(|entry| json!({"from": 0, "entries": [entry]})).collect()
         }
         "/v1/fleet/acknowledgements" => {
             vec![json!({"sessions": ["00000000-0000-0000-0000-000000000001"], "mute_s": 60})]
