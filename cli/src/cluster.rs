@@ -21,8 +21,8 @@ pub(crate) struct StoreArgs {
     #[command(flatten)]
     cluster: ClusterArgs,
     /// With --store-shared on every server: divide the objects of catalogues of more than 64 objects
-    /// among the servers, with this many copies of each; the same on all of them. 2 survive the
-    /// loss of a server [default: every server holds whole catalogues].
+    /// among the servers, with this many copies of each. Use the same number on all servers; with 2,
+    /// one server may be lost [default: every server holds whole catalogues].
     #[arg(
         long,
         env = "PALPATE_DIVIDE_COPIES",

@@ -2,9 +2,9 @@
 //!
 //! The servers are processes of their own that share a NATS cluster, whose address is an argument.
 //! Objects are the built-in ones, then random ones, trained by the first server. One robot at a time
-//! plays the same sessions each time, reading by reading to the servers in turn. Stated are the memory
-//! of surfaces and of the whole process, as a mean over the servers, the time of a reading, and
-//! whether the last beliefs of all sessions equal those of one server bit for bit. All processes share
+//! plays the same sessions each time, reading by reading to the servers in turn. The figures
+//! are the memory of surfaces and of the whole process (mean over the servers), the time of a
+//! reading, and the share of sessions whose last belief equals that of one server bit for bit. All processes share
 //! one machine, so that more servers are hardly faster here.
 
 mod process;

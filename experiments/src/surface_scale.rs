@@ -78,8 +78,8 @@ pub struct SurfaceScale {
     /// Takes long.
     #[arg(long)]
     pub thousand: bool,
-    /// Size of the largest catalogue with `--thousand`. Ten thousand take 5 GB, and hours: keep
-    /// their touches (`--kept`).
+    /// Size of the largest catalogue with `--thousand`. Ten thousand take an estimated 5 GB, and
+    /// hours: keep their touches (`--kept`).
     #[arg(long, default_value_t = 1_000, value_parser = count)]
     pub largest: usize,
     /// A folder that keeps the touches of the objects of `--thousand`: a run that was interrupted

@@ -1,4 +1,4 @@
-//! Training of recognisers from readings of test objects, as the service does it.
+//! Training of recognisers from readings of test objects.
 
 use std::sync::Arc;
 

@@ -109,7 +109,7 @@ fn without_any_part_none_of_these_is_left() {
     assert!(belief.samples(20, &mut Stream::new(1, Purpose::NextTouch, 0)).is_empty());
     let ranked = rank(&belief, None, &NextTouchOptions::default(), &mut || false).unwrap();
     assert!(ranked.ranked.is_empty());
-    // Later touches ask nobody.
+    // Later touches send no request.
     let asked = members.n_asked.load(Ordering::Relaxed);
     touch(&mut belief, 10, 4..6);
     assert_eq!(members.n_asked.load(Ordering::Relaxed), asked);

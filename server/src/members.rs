@@ -2,8 +2,8 @@
 //!
 //! Each tells the others every second who it is and which blocks it has in memory (`words`), and
 //! keeps a roster of those that are alive. Which of them hold a block follows from the roster
-//! (`placing`); what they say about it is asked of all at once (`asking`). Not here: what a block
-//! is, how it is loaded and what is asked of it (`services::catalogues`).
+//! (`placing`); questions go to all of them at once (`asking`). Not here: what a block is, how it is
+//! read, and what the questions are (`services::catalogues`).
 
 mod asking;
 mod placing;
@@ -41,7 +41,8 @@ const PLACE_FILE: &str = "member";
 /// would wait for it as long as the first.
 const UNANSWERED_FOR: Duration = Duration::from_secs(2);
 
-/// Number of times that members are asked anew, since some of them were lost meanwhile.
+/// Rounds of questions; a new one begins when members were lost meanwhile. Chosen: two servers may
+/// die within one reading.
 const ROUNDS_MAX: usize = 3;
 
 /// This server among the others.
@@ -154,7 +155,7 @@ impl Members {
         has_changed
     }
 
-    /// The blocks that a block's requests could be about: which members hold it, this one included.
+    /// The members that should hold a block, this one included.
     fn holders(&self, block: &Block) -> Vec<Uuid> {
         let seats = self.roster().seats(Instant::now());
         holders(block, &seats, self.dividing.copies)
@@ -165,7 +166,7 @@ impl Members {
         self.holders(block).contains(&self.own.member)
     }
 
-    /// Whether all members that hold a block besides this one have it in memory, or there are none.
+    /// Whether other members should hold a block, and all of them have it in memory.
     pub(crate) fn is_held_by_holders(&self, block: &Block) -> bool {
         let having = self.roster().holding(block, Instant::now());
         let others = self.holders(block).into_iter().filter(|member| *member != self.own.member);

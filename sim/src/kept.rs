@@ -16,8 +16,8 @@ use palpate_core::sensor::SensorDescription;
 use crate::press::{PressSimulator, in_row_major_order};
 use crate::sampler::SamplerConfig;
 
-/// Version of the files, and of the simulation that they come from: with another one, kept
-/// touches are not found.
+/// Version of the files and of the simulation. Raise it when either changes: touches of another
+/// version are not found.
 const VERSION: u32 = 1;
 
 /// Marks a taxel without a value. A reading has finite values.

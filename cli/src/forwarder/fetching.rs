@@ -12,7 +12,7 @@ use palpate_server::Outbox;
 
 use super::{Pause, Trouble, note_line};
 
-/// Pause between two looks at the central service.
+/// Pause between two looks at the central service. Chosen: a new version may come some seconds late.
 const LOOK_EVERY: Duration = Duration::from_secs(10);
 /// Number of sensors per request.
 const PER_PAGE: u32 = 100;

@@ -1,4 +1,5 @@
-//! Work on objects that needs their maps: what a component leaves to whoever holds them.
+//! Work that needs the maps of objects: done here on a whole model, and by the holders of the maps
+//! of a divided one.
 //!
 //! The result for an object depends on that object, its map and the observations alone, never on
 //! which objects are worked on together. What decides across objects (bars, gains, the posterior)

@@ -1,7 +1,7 @@
 //! Entries that a cell forwards: each gets the number that it has in the cell's journal, once.
 //!
-//! The number makes a repetition harmless, also for readings without an id. Nobody else writes to
-//! such a session, so the two journals stay equal.
+//! The number makes a repetition harmless, also for readings without an id. No other client writes
+//! to such a session, so the two journals stay equal.
 
 use palpate_schemas as wire;
 use palpate_schemas::BeliefDetail;

@@ -1,8 +1,8 @@
 //! Questions to several members at once: one message to each with all its blocks, the first copy
 //! first.
 //!
-//! A block whose member has no answer is asked of the next one at once; one whose member takes its
-//! time is asked of the next one too, and the first answer counts: all are equal bit for bit.
+//! When a member has no answer for a block, the next one is asked at once. When it takes long, the
+//! next one is asked as well, and the first answer counts: all are equal bit for bit.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use uuid::Uuid;
 
 use super::words::{Reply, question, replies};
 
-/// Number of blocks in one message, and bytes of their requests: long messages delay others.
+/// Number of blocks in one message, and bytes of their requests. Chosen: long messages delay others.
 const BLOCKS_PER_MESSAGE: usize = 64;
 const BYTES_PER_MESSAGE: usize = 8 << 20;
 
@@ -46,7 +46,7 @@ pub(super) struct Request {
     pub(super) candidates: VecDeque<Uuid>,
 }
 
-/// Asks for blocks of a version until all have answered, nobody is left to ask, or the time is up.
+/// Asks for blocks of a version until all have answered, no member is left to ask, or the time is up.
 /// One result per request, in their order. `lost` hears of members that no longer listen.
 pub(super) async fn gather(
     speaker: &dyn Speaker,

@@ -16,7 +16,7 @@ const FORM: u8 = 1;
 pub(super) const HEAD_BYTES: usize = 26;
 /// Number of messages that may be incomplete at a time. Chosen: more than servers ask at once.
 const INCOMPLETE_MAX: usize = 256;
-/// Bytes of all incomplete messages together.
+/// Bytes of all incomplete messages together. Chosen: room for four of the longest.
 const INCOMPLETE_BYTES_MAX: usize = 4 * MESSAGE_BYTES_MAX;
 /// Time after which an incomplete message is dropped. Chosen: frames follow each other at once.
 const COMPLETE_WITHIN: Duration = Duration::from_secs(10);

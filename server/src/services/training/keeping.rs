@@ -1,6 +1,6 @@
 //! Simulated touches of a training, kept on the disk until its job ends.
 //!
-//! Touching meshes takes most of a training's time. What was touched before a stop of the server
+//! Touching meshes takes about half of a training's time. What was touched before a stop of the server
 //! is read back when the job goes on. Keeping is a help: without room on the disk, or when a file
 //! cannot be used, the training touches as if there were none.
 
