@@ -145,15 +145,13 @@ pub(super) fn propose_stated(
         }
         let ratios = turned.ratios(map, newest);
         let (posed, _, wrong) = turned.stated.shares(index);
-        let mut proposals = Vec::new();
+        let mut proposals = Vec::with_capacity(PROPOSALS + 1);
         for (hypothesis, share) in posed {
             turned.lay(hypothesis, map, evidence, &ratios, &mut |weight, rotation, translation| {
                 let weight = share as f32 * weight;
-                proposals.push(Proposal { rotation, translation, weight });
+                offer(&mut proposals, Proposal { rotation, translation, weight });
             });
         }
-        proposals.sort_by(|a, b| b.weight.total_cmp(&a.weight));
-        proposals.truncate(PROPOSALS);
         let known = object.known(map);
         let bar = floor + wrong.max(f64::MIN_POSITIVE).ln() as f32;
         let mut new = judged(evidence, known, &proposals, &judges, bar);
@@ -165,6 +163,19 @@ pub(super) fn propose_stated(
         object.hypotheses.extend(new);
         merge(&mut object.hypotheses, options);
     });
+}
+
+/// Keeps a proposal if it is among the best, which are in order; of equal ones the first.
+///
+/// Thousands of poses are laid for sixteen that stay, so sorting all would take as long as they do.
+fn offer(best: &mut Vec<Proposal>, proposal: Proposal) {
+    let is_behind = |kept: &Proposal| kept.weight.total_cmp(&proposal.weight).is_ge();
+    if best.len() >= PROPOSALS && best.last().is_some_and(is_behind) {
+        return;
+    }
+    let place = best.partition_point(is_behind);
+    best.insert(place, proposal);
+    best.truncate(PROPOSALS);
 }
 
 /// What a statement adds to the evidence of a pair: the mean of its density over the poses that
