@@ -9,13 +9,13 @@
 
 mod drake;
 mod method;
+mod touched;
 mod worlds;
 mod commissioned;
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use anyhow::Context as _;
 use clap::Args;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::sensor::{SensorDescription, SensorFamily};
@@ -28,7 +28,6 @@ use palpate_sim::plot::{Line, Panel, svg};
 use palpate_sim::press::PressSimulator;
 use palpate_sim::sampler::SamplerConfig;
 use palpate_sim::sampler::family::{sample_family, sample_runs};
-use palpate_sim::shapes::assembled;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -62,6 +61,11 @@ pub struct OtherWorlds {
     /// Sessions per object in each world.
     #[arg(long, default_value_t = 10, value_parser = count)]
     pub trials: usize,
+    /// A catalogue of this many objects of our own instead: the public benchmark, letters as
+    /// solids, and procedural ones, as in `surface-scale`. A hundred take minutes of each world.
+    #[arg(long, value_parser = count)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub own: Option<usize>,
     /// Objects that are touched but not in the catalogue.
     #[arg(long, default_value_t = 10, value_parser = count)]
     pub foreign: usize,
@@ -114,9 +118,8 @@ struct Tried {
 /// # Errors
 /// When objects cannot be loaded or touched, or training fails.
 pub fn run(config: &OtherWorlds, progress: Progress<'_>) -> anyhow::Result<Outcome> {
-    let objects = config.objects.load()?;
-    let foreign = foreign(config)?;
     let described = SensorDescription::digitacts_6x6();
+    let (objects, foreign) = (touched::known(config, &described)?, touched::foreign(config)?);
     let wanted = worlds::wanted(&described, &config.worlds, &config.drake)?;
     for (world, reason) in &wanted.left_out {
         progress(&format!("{world} is left out: {reason}"), 0, 1);
@@ -149,16 +152,6 @@ pub fn run(config: &OtherWorlds, progress: Progress<'_>) -> anyhow::Result<Outco
         report_worst(&mut report, config, method.method, &tried);
     }
     Ok(Outcome { report, plot: svg(&panels(config, &tried)), pictures: Vec::new() })
-}
-
-/// Objects that are not in the catalogue, as large as the others.
-fn foreign(config: &OtherWorlds) -> anyhow::Result<Vec<TestObject>> {
-    let of = |index: usize| {
-        let mesh = assembled(config.seed, index as u64)
-            .with_context(|| format!("procedural object {index} never hangs together"))?;
-        Ok(TestObject::new(format!("assembled {index}"), &mesh, config.objects.size()))
-    };
-    (0..config.foreign).map(of).collect()
 }
 
 /// A recogniser of all objects, trained by simulated presses of a family of sensors and
