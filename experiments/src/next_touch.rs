@@ -9,12 +9,14 @@
 
 pub mod robot;
 mod figures;
+mod causes;
 
 use std::sync::Arc;
 use std::time::Instant;
 
 use clap::Args;
 use glam::DVec3;
+use palpate_core::log_prob::entropy_bits;
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
 use palpate_core::rng::{Purpose, Stream};
@@ -33,7 +35,7 @@ use crate::objects::{self, TestObject};
 use crate::report::{Outcome, Progress, Report};
 use crate::trained::train_surface;
 use figures::{plot, report_objects, report_policy, report_ratios};
-use robot::{Policy, Robot};
+use robot::{Met, Policy, Robot};
 
 /// The probability at which an object is recognised.
 const SURE: f64 = 0.95;
@@ -60,6 +62,17 @@ pub struct NextTouch {
     /// Most presses per trial.
     #[arg(long, default_value_t = 20, value_parser = count)]
     pub readings: usize,
+    /// Report where the planner's presses are lost, beside choices that know the truth.
+    #[arg(long)]
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub causes: bool,
+}
+
+impl NextTouch {
+    /// The policies that are played.
+    fn policies(&self) -> &'static [Policy] {
+        if self.causes { &Policy::CAUSES } else { &Policy::ALL }
+    }
 }
 
 /// One press of a trial.
@@ -69,8 +82,16 @@ struct Step {
     right: bool,
     /// Whether it had 95 % or more.
     sure: bool,
-    touched: bool,
+    met: Met,
     approaches: usize,
+    /// The likeliest object; `None` for "none of these".
+    likeliest: Option<usize>,
+    /// The probability of the right object.
+    truth: f64,
+    /// Uncertainty about the identity, bits.
+    entropy: f64,
+    /// Distance of a contact from the nearest earlier one, metres.
+    apart: Option<f64>,
     /// Time of the choice of this press, milliseconds.
     choice_ms: f64,
     /// Expected probability of a contact and bits on the identity.
@@ -80,7 +101,16 @@ struct Step {
 /// All trials of a policy.
 struct Played {
     policy: Policy,
+    /// Trials take the objects in turn.
+    n_objects: usize,
     trials: Vec<Vec<Step>>,
+}
+
+impl Played {
+    /// The object of a trial.
+    fn object(&self, trial: usize) -> usize {
+        trial % self.n_objects
+    }
 }
 
 /// Runs the experiment; gives the report and its plot.
@@ -96,22 +126,26 @@ pub fn run(config: &NextTouch, progress: Progress<'_>) -> anyhow::Result<Outcome
         .iter()
         .map(|object| PressSimulator::new(object.mesh.clone(), sensor.clone()))
         .collect();
-    let mut all = Vec::with_capacity(Policy::ALL.len());
-    for (done, policy) in Policy::ALL.into_iter().enumerate() {
-        progress(policy.name(), done, Policy::ALL.len());
+    let policies = config.policies();
+    let mut all = Vec::with_capacity(policies.len());
+    for (done, policy) in policies.iter().copied().enumerate() {
+        progress(policy.name(), done, policies.len());
         let play = |trial| play(config, &model, &simulators, policy, trial);
         // What is timed has a core for itself.
         let trials: anyhow::Result<Vec<_>> = match policy {
-            Policy::Information => (0..config.trials).map(play).collect(),
+            Policy::Information if !config.causes => (0..config.trials).map(play).collect(),
             _ => (0..config.trials).into_par_iter().map(play).collect(),
         };
-        all.push(Played { policy, trials: trials? });
+        all.push(Played { policy, n_objects: objects.len(), trials: trials? });
     }
     for played in &all {
         report_policy(&mut report, config, played);
         report_objects(&mut report, config, &objects, played);
     }
     report_ratios(&mut report, config, &all);
+    if config.causes {
+        all.iter().for_each(|played| causes::report(&mut report, &objects, played));
+    }
     Ok(Outcome { report, plot: plot(config, &all), pictures: Vec::new() })
 }
 
@@ -149,7 +183,7 @@ fn play(
     let object = trial % simulators.len();
     let simulator = &simulators[object];
     let session_from_object = true_pose(config.seed, trial);
-    let robot = Robot { simulator, session_from_object, policy, seed: config.seed, trial };
+    let robot = Robot { simulator, object, session_from_object, policy, seed: config.seed, trial };
     let mut belief = SurfaceBelief::new(Arc::clone(model), SurfaceOptions::default(), None)?;
     let mut contacts: Vec<Reading> = Vec::new();
     let mut steps = Vec::with_capacity(config.readings);
@@ -158,20 +192,31 @@ fn play(
         let (approach, expected) = robot.choose(press, &belief, &contacts);
         let choice_ms = begun.elapsed().as_secs_f64() * 1e3;
         let pressed = robot.press(press, &approach);
+        let mut apart = None;
         if let Some(reading) = pressed.reading {
             belief.add(&reading, simulator.sensor());
-            if pressed.touched {
+            if pressed.met == Met::Contact {
+                let place = |reading: &Reading| reading.session_from_sensor().translation;
+                let from = |earlier: &Reading| place(earlier).distance(place(&reading));
+                apart = contacts.iter().map(from).reduce(f64::min);
                 contacts.push(reading);
             }
         }
         let answer = belief.answer(0);
         let named = answer.best_object().map(|object| object.0 as usize);
-        let right = named == Some(object);
+        let (right, truth) = (named == Some(object), answer.probabilities[object]);
+        let posterior = belief.posterior();
+        let unknown = posterior[simulators.len()];
+        let is_known = |named: &usize| posterior[*named] >= unknown;
         steps.push(Step {
             right,
-            sure: right && answer.probabilities[object] >= SURE,
-            touched: pressed.touched,
+            sure: right && truth >= SURE,
+            met: pressed.met,
             approaches: pressed.approaches,
+            likeliest: named.filter(is_known),
+            truth,
+            entropy: entropy_bits(&posterior),
+            apart,
             choice_ms,
             expected: expected.map(|best| [best.contact_probability, best.identity_bits]),
         });
@@ -196,7 +241,20 @@ mod tests {
     use crate::arguments::defaults;
 
     fn step(sure: bool) -> Step {
-        Step { right: sure, sure, touched: true, approaches: 2, choice_ms: 0.0, expected: None }
+        let (met, choice_ms) = (Met::Contact, 0.0);
+        let (likeliest, truth, entropy, apart) = (None, 0.0, 0.0, None);
+        Step {
+            right: sure,
+            sure,
+            met,
+            approaches: 2,
+            likeliest,
+            truth,
+            entropy,
+            apart,
+            choice_ms,
+            expected: None,
+        }
     }
 
     #[test]

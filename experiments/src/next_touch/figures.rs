@@ -3,7 +3,7 @@
 use palpate_sim::plot::{Line, Panel, svg};
 use serde::Serialize;
 
-use super::robot::Policy;
+use super::robot::{Met, Policy};
 use super::{NextTouch, Played, Step, approaches_for_good, touches_for_good};
 use crate::objects::TestObject;
 use crate::report::Report;
@@ -42,7 +42,8 @@ pub(super) fn report_policy(report: &mut Report, config: &NextTouch, played: &Pl
     let [low, high] = bootstrap_95(touches.len(), config.seed, resampled);
     let never = touches.iter().map(|n| *n > config.readings as f64).collect();
     // The first press is blind for all: what was chosen are the others.
-    let chosen = played.trials.iter().flat_map(|steps| &steps[1..]).map(|step| step.touched);
+    let chosen =
+        played.trials.iter().flat_map(|steps| &steps[1..]).map(|step| step.met == Met::Contact);
     report.labelled(
         &[("policy", name)],
         Touches {
@@ -95,7 +96,9 @@ fn report_expected(report: &mut Report, played: &Played) {
     for bin in 0..BINS {
         let within = |expected: f64| ((expected * BINS as f64) as usize).min(BINS - 1) == bin;
         let found: Vec<(f64, f64)> = steps()
-            .filter_map(|step| Some((step.expected?[0], f64::from(u8::from(step.touched)))))
+            .filter_map(|step| {
+                Some((step.expected?[0], f64::from(u8::from(step.met == Met::Contact))))
+            })
             .filter(|(expected, _)| within(*expected))
             .collect();
         if found.is_empty() {
@@ -147,16 +150,16 @@ pub(super) fn report_objects(
 pub(super) fn report_ratios(report: &mut Report, config: &NextTouch, all: &[Played]) {
     let of = |policy: Policy| {
         let found = all.iter().find(|played| played.policy == policy);
-        found.map(|played| counts(played, touches_for_good)).unwrap_or_default()
+        found.map(|played| counts(played, touches_for_good))
     };
-    let ours = of(Policy::Information);
+    let Some(ours) = of(Policy::Information) else { return };
     for (key, policy) in [
         ("touches_ratio_to_random", Policy::Random),
         ("touches_ratio_to_random_recentered", Policy::RandomRecentered),
         ("touches_ratio_to_directed", Policy::Directed),
         ("touches_ratio_to_sampler", Policy::Sampler),
     ] {
-        let other = of(policy);
+        let Some(other) = of(policy) else { continue };
         let ratio = |cases: &[usize]| {
             let sum = |values: &[f64]| cases.iter().map(|n| values[*n]).sum::<f64>();
             sum(&ours) / sum(&other)

@@ -33,6 +33,25 @@ pub enum Policy {
     Information,
     /// Guided to the surface as by a camera, never missing.
     Sampler,
+    /// As [`Policy::Information`] with five times the samples and four times the approaches.
+    Wide,
+    /// The best of the planner's approaches that will touch, if one does.
+    Touching,
+    /// The best of the planner's approaches, when they aim at the true object where it is.
+    TrueAims,
+    /// Of the planner's best approaches, the one after which the right object is likeliest.
+    Foresight,
+}
+
+/// Result of a press.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Met {
+    /// The controllers came to rest on the object.
+    Contact,
+    /// Nothing was felt.
+    Nothing,
+    /// Something was felt, but the controllers did not come to rest.
+    NoRest,
 }
 
 impl Policy {
@@ -46,6 +65,17 @@ impl Policy {
         Self::Sampler,
     ];
 
+    /// The planner beside choices that know the truth, by what they know.
+    pub const CAUSES: [Self; 7] = [
+        Self::Information,
+        Self::Directed,
+        Self::TrueAims,
+        Self::Touching,
+        Self::Wide,
+        Self::Foresight,
+        Self::Sampler,
+    ];
+
     /// Name in rows, plots and keys.
     #[must_use]
     pub fn name(self) -> &'static str {
@@ -56,6 +86,10 @@ impl Policy {
             Self::Directed => "directed",
             Self::Information => "information",
             Self::Sampler => "sampler",
+            Self::Wide => "wide",
+            Self::Touching => "touching",
+            Self::TrueAims => "true_aims",
+            Self::Foresight => "foresight",
         }
     }
 }
@@ -67,10 +101,27 @@ const NEAR_TILT: f64 = 30.0 * DEG;
 /// Distance outside the surface at which such a press begins, metres.
 const STAND_OFF: f64 = 120.0 * MM;
 
+impl Met {
+    /// Name in rows.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Contact => "contact",
+            Self::Nothing => "nothing",
+            Self::NoRest => "no rest",
+        }
+    }
+}
+
+/// Number of the planner's best approaches that are tried with the truth.
+const FORESEEN: usize = 12;
+
 /// A robot in front of one object.
 pub struct Robot<'a> {
     /// The object, in its mesh's frame.
     pub simulator: &'a PressSimulator,
+    /// Its index in the catalogue.
+    pub object: usize,
     /// Pose of the object.
     pub session_from_object: Pose,
     /// Policy for the next press.
@@ -85,8 +136,8 @@ pub struct Robot<'a> {
 pub struct Pressed {
     /// Reading for the recogniser; `None` when the sensor felt something and did not come to rest.
     pub reading: Option<Reading>,
-    /// Whether the controllers came to rest on the object.
-    pub touched: bool,
+    /// What it met.
+    pub met: Met,
     /// Approaches of the sensor: one, and one more for every shift.
     pub approaches: usize,
 }
@@ -112,31 +163,77 @@ impl Robot<'_> {
         contacts: &[Reading],
     ) -> (Approach, Option<Ranked>) {
         let Some(_) = contacts.first() else { return (self.random_ray(press), None) };
-        let seed = self.stream(Purpose::NextTouch, press).bits();
-        let recenters = self.policy != Policy::Random;
-        let ranked = |given: Option<Approach>, n_approaches| {
-            let defaults = NextTouchOptions::default();
-            let options = NextTouchOptions { n_approaches, recenters, seed, ..defaults };
-            let given = given.as_ref().map(std::slice::from_ref);
-            let ranking = rank(belief, given, &options, &mut || false).ok()?;
-            ranking.ranked.first().copied()
-        };
         let given = match self.policy {
-            Policy::Random | Policy::RandomRecentered => Some(self.random_ray(press)),
+            Policy::Sampler => return (self.random_ray(press), None),
+            Policy::Random | Policy::RandomRecentered => Some(vec![self.random_ray(press)]),
             Policy::NearEarlier => {
                 let mut stream = self.stream(Purpose::NextTouch, press);
-                Some(near(&contacts[stream.index(contacts.len())], &mut stream))
+                Some(vec![near(&contacts[stream.index(contacts.len())], &mut stream)])
             }
-            Policy::Sampler => return (self.random_ray(press), None),
-            Policy::Directed | Policy::Information => None,
+            Policy::TrueAims => Some(self.true_aims(press)),
+            _ => None,
         };
-        let n_approaches = match self.policy {
-            Policy::Information => NextTouchOptions::default().n_approaches,
-            _ => 1,
+        let seed = self.stream(Purpose::NextTouch, press).bits();
+        let recenters = self.policy != Policy::Random;
+        let mut options = NextTouchOptions { recenters, seed, ..NextTouchOptions::default() };
+        match self.policy {
+            Policy::Wide => {
+                options.n_hypotheses *= 5;
+                options.n_approaches *= 4;
+            }
+            Policy::Directed => options.n_approaches = 1,
+            _ => {}
+        }
+        let ranking = rank(belief, given.as_deref(), &options, &mut || false);
+        let ranked = ranking.map(|ranking| ranking.ranked).unwrap_or_default();
+        let best = match self.policy {
+            Policy::Touching => self.first_that_touches(press, &ranked),
+            Policy::Foresight => self.best_in_truth(press, belief, &ranked),
+            _ => ranked.first(),
         };
-        let best = ranked(given, n_approaches);
-        let chosen = best.map(|best| best.approach).or(given);
-        (chosen.unwrap_or_else(|| self.random_ray(press)), best)
+        let chosen = best.map(|best| best.approach).or(given.map(|given| given[0]));
+        (chosen.unwrap_or_else(|| self.random_ray(press)), best.copied())
+    }
+
+    /// Approaches against places of the object's surface, from where they can be reached.
+    fn true_aims(&self, press: usize) -> Vec<Approach> {
+        let mut stream = self.stream(Purpose::Exploration, press);
+        let config = SamplerConfig::for_simulator(self.simulator);
+        let n = NextTouchOptions::default().n_approaches;
+        let mut aims = Vec::with_capacity(n);
+        for _ in 0..n {
+            let Ok(rest) = touch_anywhere(self.simulator, SensorId(0), &config, &mut stream) else {
+                continue;
+            };
+            let back = Pose::from_parts(DQuat::IDENTITY, -STAND_OFF * DVec3::Z);
+            let session_from_sensor = self.session_from_object * rest.session_from_sensor() * back;
+            aims.push(Approach { session_from_sensor, reach: 2.0 * STAND_OFF, cost: None });
+        }
+        aims
+    }
+
+    /// The first approach that ends in a contact, else the first.
+    fn first_that_touches<'a>(&self, press: usize, ranked: &'a [Ranked]) -> Option<&'a Ranked> {
+        let touches = |best: &&Ranked| self.press(press, &best.approach).met == Met::Contact;
+        ranked.iter().find(touches).or(ranked.first())
+    }
+
+    /// Of the first approaches the one after which the right object is likeliest.
+    fn best_in_truth<'a>(
+        &self,
+        press: usize,
+        belief: &SurfaceBelief,
+        ranked: &'a [Ranked],
+    ) -> Option<&'a Ranked> {
+        let truth = |best: &Ranked| {
+            let mut after = belief.clone();
+            if let Some(reading) = self.press(press, &best.approach).reading {
+                after.add(&reading, self.simulator.sensor());
+            }
+            after.posterior()[self.object]
+        };
+        let rated = ranked.iter().take(FORESEEN).map(|best| (truth(best), best));
+        rated.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, best)| best)
     }
 
     /// Presses along an approach.
@@ -148,7 +245,8 @@ impl Robot<'_> {
             let config = SamplerConfig::for_simulator(simulator);
             let touched = touch_anywhere(simulator, SensorId(0), &config, &mut stream).ok();
             let reading = touched.map(|reading| reading.moved_by(self.session_from_object));
-            return Pressed { touched: reading.is_some(), reading, approaches: 1 };
+            let met = if reading.is_some() { Met::Contact } else { Met::NoRest };
+            return Pressed { met, reading, approaches: 1 };
         }
         let mut config = RecenterConfig::for_sensor(simulator.sensor(), level);
         config.contact.approach_max = approach.reach;
@@ -163,17 +261,17 @@ impl Robot<'_> {
         match touch_recentered(simulator, ray, &config, &mut stream) {
             Landing::Converged { contact, shifts } => Pressed {
                 reading: reading(contact.object_from_sensor, &contact.pressures),
-                touched: true,
+                met: Met::Contact,
                 approaches: 1 + shifts,
             },
             Landing::Missed { miss, shifts } => Pressed {
                 reading: reading(miss.object_from_sensor, &miss.pressures)
                     .map(|reading| reading.after_approach(miss.travel)),
-                touched: false,
+                met: Met::Nothing,
                 approaches: 1 + shifts,
             },
             Landing::NoConvergence | Landing::Unreachable => {
-                Pressed { reading: None, touched: false, approaches: 1 + config.shifts_max }
+                Pressed { reading: None, met: Met::Nothing, approaches: 1 + config.shifts_max }
             }
         }
     }

@@ -16,7 +16,7 @@ use serde::Serialize;
 
 use super::{InCatalogue, SurfaceScale};
 use crate::disturbance::Presented;
-use crate::next_touch::robot::{Policy, Robot};
+use crate::next_touch::robot::{Met, Policy, Robot};
 use crate::object_sessions::Sessions;
 use crate::objects::TestObject;
 use crate::report::{Progress, Report};
@@ -95,7 +95,8 @@ fn play(
     trial: usize,
 ) -> anyhow::Result<Chosen> {
     let session_from_object = given[0].session_from_object;
-    let robot = |policy| Robot { simulator, session_from_object, policy, seed: config.seed, trial };
+    let robot =
+        |policy| Robot { simulator, object, session_from_object, policy, seed: config.seed, trial };
     let (planner, guided) = (robot(Policy::Information), robot(Policy::Sampler));
     let mut belief = SurfaceBelief::new(Arc::clone(model), SurfaceOptions::default(), None)?;
     let mut contacts: Vec<Reading> = Vec::with_capacity(READINGS);
@@ -130,7 +131,7 @@ fn chosen_touch(
         let pressed = planner.press(*presses, &approach);
         *presses += 1;
         match pressed.reading {
-            Some(reading) if pressed.touched => return Some(reading),
+            Some(reading) if pressed.met == Met::Contact => return Some(reading),
             Some(miss) => belief.add(&miss, planner.simulator.sensor()),
             None => {}
         }
