@@ -12,6 +12,7 @@ pub mod lease;
 pub mod line;
 pub mod news;
 mod pending;
+mod cut;
 
 use std::collections::BTreeMap;
 use std::future::Future;
@@ -21,6 +22,7 @@ use thiserror::Error;
 use uuid::Uuid;
 
 use crate::key::Space;
+pub use cut::{Cut, Found};
 use lease::{Lease, Leasing};
 use line::OpeningLine;
 use news::News;
@@ -71,6 +73,19 @@ pub trait Engine: Send + Sync + 'static {
         after: Option<&[u8]>,
         limit: usize,
     ) -> Result<Vec<Pair>, EngineError>;
+
+    /// The keys that [`Engine::scan`] finds. An engine with content elsewhere does not read it.
+    ///
+    /// # Errors
+    /// [`EngineError`] when the engine cannot read.
+    fn keys(
+        &self,
+        prefix: &[u8],
+        after: Option<&[u8]>,
+        limit: usize,
+    ) -> Result<Vec<Vec<u8>>, EngineError> {
+        Ok(self.scan(prefix, after, limit)?.into_iter().map(|(key, _)| key).collect())
+    }
 
     /// Applies a commit atomically if all its expectations hold.
     ///
@@ -162,16 +177,6 @@ pub fn pages(
         next = full.and_then(|page| page.last()).map(|(last, _)| Some(last.clone()));
         Some(page)
     })
-}
-
-/// All pairs of an engine after one commit, page by page in ascending order.
-pub trait Cut: Send {
-    /// Up to `limit` further pairs; empty at the end.
-    ///
-    /// # Errors
-    /// [`EngineError::CutTooLarge`] when too much was written since; [`EngineError`] when the engine
-    /// cannot read.
-    fn next(&mut self, limit: usize) -> Result<Vec<Pair>, EngineError>;
 }
 
 /// Expected state of a key before a commit.
