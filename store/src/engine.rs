@@ -22,7 +22,7 @@ use thiserror::Error;
 use uuid::Uuid;
 
 use crate::key::Space;
-pub use cut::{Cut, Found};
+pub use cut::{Cut, Found, pages};
 use lease::{Lease, Leasing};
 use line::OpeningLine;
 use news::News;
@@ -160,23 +160,6 @@ pub trait Engine: Send + Sync + 'static {
     /// # Errors
     /// [`EngineError`] when the engine cannot determine them.
     fn stats(&self) -> Result<EngineStats, EngineError>;
-}
-
-/// The pairs whose keys begin with `prefix` and are greater than `after`, in ascending order, in
-/// pages of `limit` pairs; the last one has fewer.
-pub fn pages(
-    engine: &dyn Engine,
-    prefix: &[u8],
-    after: Option<Vec<u8>>,
-    limit: usize,
-) -> impl Iterator<Item = Result<Vec<Pair>, EngineError>> {
-    let mut next = Some(after);
-    std::iter::from_fn(move || {
-        let page = engine.scan(prefix, next.take()?.as_deref(), limit);
-        let full = page.as_ref().ok().filter(|page| page.len() == limit);
-        next = full.and_then(|page| page.last()).map(|(last, _)| Some(last.clone()));
-        Some(page)
-    })
 }
 
 /// Expected state of a key before a commit.

@@ -1,6 +1,23 @@
-//! The interface of a cut: the pairs of an engine at one moment.
+//! Pairs of an engine page by page: those of a prefix, and all of them at one moment, a cut.
 
-use super::{EngineError, Pair};
+use super::{Engine, EngineError, Pair};
+
+/// The pairs whose keys begin with `prefix` and are greater than `after`, in ascending order, in
+/// pages of `limit` pairs; the last one has fewer.
+pub fn pages(
+    engine: &dyn Engine,
+    prefix: &[u8],
+    after: Option<Vec<u8>>,
+    limit: usize,
+) -> impl Iterator<Item = Result<Vec<Pair>, EngineError>> {
+    let mut next = Some(after);
+    std::iter::from_fn(move || {
+        let page = engine.scan(prefix, next.take()?.as_deref(), limit);
+        let full = page.as_ref().ok().filter(|page| page.len() == limit);
+        next = full.and_then(|page| page.last()).map(|(last, _)| Some(last.clone()));
+        Some(page)
+    })
+}
 
 /// All pairs of an engine after one commit, page by page in ascending order.
 pub trait Cut: Send {
