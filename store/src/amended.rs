@@ -51,6 +51,15 @@ impl Engine for Amended {
         self.engine.scan(prefix, after, limit)
     }
 
+    fn keys(
+        &self,
+        prefix: &[u8],
+        after: Option<&[u8]>,
+        limit: usize,
+    ) -> Result<Vec<Vec<u8>>, EngineError> {
+        self.engine.keys(prefix, after, limit)
+    }
+
     fn commit(&self, mut commit: Commit) -> Pending {
         commit.is_essential |= self.is_essential;
         if let Some(who) = &self.who {

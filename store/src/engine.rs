@@ -12,6 +12,7 @@ pub mod lease;
 pub mod line;
 pub mod news;
 mod pending;
+mod cut;
 
 use std::collections::BTreeMap;
 use std::future::Future;
@@ -21,6 +22,7 @@ use thiserror::Error;
 use uuid::Uuid;
 
 use crate::key::Space;
+pub use cut::{Cut, Found, pages};
 use lease::{Lease, Leasing};
 use line::OpeningLine;
 use news::News;
@@ -71,6 +73,19 @@ pub trait Engine: Send + Sync + 'static {
         after: Option<&[u8]>,
         limit: usize,
     ) -> Result<Vec<Pair>, EngineError>;
+
+    /// The keys that [`Engine::scan`] finds. An engine with content elsewhere does not read it.
+    ///
+    /// # Errors
+    /// [`EngineError`] when the engine cannot read.
+    fn keys(
+        &self,
+        prefix: &[u8],
+        after: Option<&[u8]>,
+        limit: usize,
+    ) -> Result<Vec<Vec<u8>>, EngineError> {
+        Ok(self.scan(prefix, after, limit)?.into_iter().map(|(key, _)| key).collect())
+    }
 
     /// Applies a commit atomically if all its expectations hold.
     ///
@@ -145,33 +160,6 @@ pub trait Engine: Send + Sync + 'static {
     /// # Errors
     /// [`EngineError`] when the engine cannot determine them.
     fn stats(&self) -> Result<EngineStats, EngineError>;
-}
-
-/// The pairs whose keys begin with `prefix` and are greater than `after`, in ascending order, in
-/// pages of `limit` pairs; the last one has fewer.
-pub fn pages(
-    engine: &dyn Engine,
-    prefix: &[u8],
-    after: Option<Vec<u8>>,
-    limit: usize,
-) -> impl Iterator<Item = Result<Vec<Pair>, EngineError>> {
-    let mut next = Some(after);
-    std::iter::from_fn(move || {
-        let page = engine.scan(prefix, next.take()?.as_deref(), limit);
-        let full = page.as_ref().ok().filter(|page| page.len() == limit);
-        next = full.and_then(|page| page.last()).map(|(last, _)| Some(last.clone()));
-        Some(page)
-    })
-}
-
-/// All pairs of an engine after one commit, page by page in ascending order.
-pub trait Cut: Send {
-    /// Up to `limit` further pairs; empty at the end.
-    ///
-    /// # Errors
-    /// [`EngineError::CutTooLarge`] when too much was written since; [`EngineError`] when the engine
-    /// cannot read.
-    fn next(&mut self, limit: usize) -> Result<Vec<Pair>, EngineError>;
 }
 
 /// Expected state of a key before a commit.

@@ -14,7 +14,7 @@ use thiserror::Error;
 
 use crate::engine::{self, Engine, EngineError};
 use crate::pieces;
-use records::Assembly;
+use records::{Assembly, Value};
 use relations::Relations;
 
 /// Maximum number of findings kept; further ones are only counted.
@@ -88,7 +88,14 @@ pub struct Checker {
 impl Checker {
     /// Visits the next pair; keys ascend.
     pub fn pair(&mut self, key: &[u8], value: &[u8]) {
-        self.assembly.pair(key, value, &mut self.relations, &mut self.report);
+        self.assembly.pair(key, &Value::Read(value), &mut self.relations, &mut self.report);
+    }
+
+    /// Visits the next key, whose value of this length is large content that was not read: its
+    /// presence and its length are checked.
+    pub fn elsewhere(&mut self, key: &[u8], length: usize) {
+        let value = Value::Elsewhere(length);
+        self.assembly.pair(key, &value, &mut self.relations, &mut self.report);
     }
 
     /// Completes the check after the last pair.

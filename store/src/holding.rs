@@ -200,12 +200,12 @@ impl Bill {
         Some(Self { account, is_essential: commit.is_essential, things: counted.collect() })
     }
 
-    /// Adds a write: bytes of the record that it replaces, and of the new one. Removed records
+    /// Adds a write: lengths of the value that it replaces, and of the new one. Removed records
     /// count until their thing is removed ([`release`]), since another key may have written
     /// them.
-    pub(crate) fn add(&mut self, key: &[u8], before: Option<&[u8]>, after: Option<&[u8]>) {
+    pub(crate) fn add(&mut self, key: &[u8], before: Option<usize>, after: Option<usize>) {
         let Some((after, thing)) = after.zip(thing(key)) else { return };
-        let size = |value: &[u8]| (key.len() + value.len()) as i64;
+        let size = |length: usize| (key.len() + length) as i64;
         *self.things.entry(thing).or_default() += size(after) - before.map_or(0, size);
     }
 

@@ -73,7 +73,7 @@ impl Engine for MemoryEngine {
         let mut writes: BTreeMap<Vec<u8>, Option<Vec<u8>>> = commit.writes.into_iter().collect();
         if let Some(bill) = &mut bill {
             for (key, value) in &writes {
-                bill.add(key, state.pairs.get(key).map(Vec::as_slice), value.as_deref());
+                bill.add(key, state.pairs.get(key).map(Vec::len), value.as_ref().map(Vec::len));
             }
         }
         let get = |key: &[u8]| Ok(state.pairs.get(key).cloned());

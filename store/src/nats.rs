@@ -2,15 +2,19 @@
 //!
 //! One stream holds messages, each with the writes of a commit to one unit of keys (`unit`). A
 //! follower applies them to an index of all keys (`index`), whose values lie in temporary local
-//! files (`spool`): reads and scans are local. A commit publishes one message, or one atomic
+//! files (`spool`): reads and scans are local. Large content that is written once is in objects of
+//! a bucket beside the stream (`bucket`), and is fetched when it is read (`content`). A commit publishes one message, or one atomic
 //! batch, that expects the last sequence of each unit (`plan`); it is acknowledged when the
 //! stream has delivered it to this process, so that one's own writes are seen. A reader may be
 //! behind the writes of other servers, a commit never.
 
 mod message;
 pub mod options;
-mod spool;
 mod unit;
+mod bucket;
+mod cache;
+mod content;
+mod spool;
 mod index;
 mod plan;
 mod lanes;
@@ -19,7 +23,9 @@ mod publish;
 mod setup;
 mod follow;
 mod writer;
+mod cut;
 mod lease;
+mod sweep;
 mod frames;
 mod line;
 
@@ -42,13 +48,17 @@ use crate::engine::{
     Commit, CommitError, Compacted, Cut, Engine, EngineError, EngineStats, Pair, Pending, Reading,
 };
 use crate::key::Space;
-use index::{Index, Located, read_all};
+pub use content::ContentStats;
+use content::Contents;
+use cut::NatsCut;
+use index::{Index, read_all};
 use lanes::{Admitted, Job, Lanes};
 pub use options::NatsOptions;
 use plan::Work;
 use publish::Publisher;
 use shared::Shared;
-use spool::Spool;
+use spool::{Spool, Stored};
+use sweep::Sweeper;
 
 /// Maximum number of commits that run or wait.
 const QUEUE_MAX: usize = 4096;
@@ -75,6 +85,8 @@ pub struct NatsEngine {
 struct Desk {
     publisher: Arc<Publisher>,
     shared: Arc<Shared>,
+    contents: Arc<Contents>,
+    sweeper: Arc<Sweeper>,
     lanes: Mutex<Lanes>,
     is_idle: Condvar,
 }
@@ -99,12 +111,19 @@ impl NatsEngine {
             .map_err(|source| OpenError::Thread { source })?;
         let spool = Spool::new(&options.spool)
             .map_err(|source| OpenError::Io { path: options.spool.clone(), source })?;
-        let shared = Arc::new(Shared::new(Index::new(spool)));
         let opened = runtime.block_on(async {
-            let (publisher, last) = setup::open(options).await?;
+            let (publisher, bucket, last) = setup::open(options).await?;
             let cluster =
                 |fault: String| OpenError::Cluster { servers: options.servers.join(","), fault };
             let publisher = Arc::new(publisher);
+            let contents = Contents::new(
+                bucket,
+                &options.spool,
+                runtime.handle().clone(),
+                publisher.payload_max,
+            );
+            let contents = Arc::new(contents);
+            let shared = Arc::new(Shared::new(Index::new(spool, Arc::clone(&contents))));
             if !options.is_shared {
                 let taken = lease::take(&publisher).await.map_err(cluster)?;
                 let (publisher, shared) = (Arc::clone(&publisher), Arc::clone(&shared));
@@ -113,17 +132,24 @@ impl NatsEngine {
             let (stream, client) = (publisher.stream.clone(), publisher.context.client());
             tokio::spawn(follow::follow(stream, client, Arc::clone(&shared)));
             shared.reach(last).await.map_err(|error| cluster(error.to_string()))?;
-            Ok(publisher)
+            let sweeper = Sweeper::new(
+                Arc::clone(&publisher),
+                Arc::clone(&shared),
+                Arc::clone(&contents),
+                options.removed_kept,
+            );
+            let sweeper = Arc::new(sweeper);
+            tokio::spawn(Arc::clone(&sweeper).run());
+            let (lanes, is_idle) = (Mutex::default(), Condvar::new());
+            Ok(Desk { publisher, shared, contents, sweeper, lanes, is_idle })
         });
-        let publisher = match opened {
-            Ok(publisher) => publisher,
+        let desk = match opened {
+            Ok(desk) => Arc::new(desk),
             Err(error) => {
                 runtime.shutdown_background();
                 return Err(error);
             }
         };
-        let (lanes, is_idle) = (Mutex::default(), Condvar::new());
-        let desk = Arc::new(Desk { publisher, shared, lanes, is_idle });
         let (options, has_lease) = (options.clone(), !options.is_shared);
         Ok(Self { runtime: Some(runtime), desk, options, has_lease })
     }
@@ -132,6 +158,34 @@ impl NatsEngine {
         let (answer, pending) = Pending::channel();
         self.enter(Job { work, answer });
         pending
+    }
+
+    /// What the store has in objects of its bucket, and what of it was fetched.
+    #[must_use]
+    pub fn content(&self) -> ContentStats {
+        let Desk { contents, shared, .. } = &*self.desk;
+        let index = shared.index();
+        ContentStats {
+            n_objects: index.objects().count() as u64,
+            bytes: index.content_bytes,
+            n_fetched: contents.n_fetched(),
+            cached_bytes: contents.cached_bytes(),
+            n_missing: shared.missing.load(Ordering::Relaxed),
+        }
+    }
+
+    /// Removes content that nothing names any more. Blocks.
+    fn sweep(&self) {
+        let Some(runtime) = &self.runtime else { return };
+        let (sweeper, (answer, done)) = (Arc::clone(&self.desk.sweeper), channel());
+        runtime.spawn(async move {
+            sweeper.remove_due().await;
+            sweeper.compare_logged().await;
+            // The one who waits is there as long as the engine.
+            let _ = answer.send(());
+        });
+        // A closed engine sweeps no more.
+        let _ = done.recv();
     }
 
     fn enter(&self, job: Job) {
@@ -153,7 +207,8 @@ impl Desk {
 
 /// Commits, answers, and lets those run that waited for it.
 async fn run(desk: Arc<Desk>, admitted: Admitted) {
-    let outcome = writer::commit(&admitted, &desk.publisher, &desk.shared).await;
+    let Desk { publisher, shared, contents, .. } = &*desk;
+    let outcome = writer::commit(&admitted, publisher, shared, contents).await;
     let mut lanes = desk.lanes();
     for next in lanes.leave(&admitted.units) {
         tokio::spawn(run_boxed(Arc::clone(&desk), next));
@@ -182,7 +237,7 @@ impl Engine for NatsEngine {
     fn get(&self, key: &[u8]) -> Result<Option<Vec<u8>>, EngineError> {
         self.desk.shared.check()?;
         let found = self.desk.shared.index().pairs.get(key).cloned();
-        found.as_ref().map(index::read).transpose()
+        found.as_ref().map(Stored::read).transpose()
     }
 
     fn scan(
@@ -194,6 +249,17 @@ impl Engine for NatsEngine {
         self.desk.shared.check()?;
         let located = self.desk.shared.index().scan(prefix, after, limit);
         read_all(located)
+    }
+
+    fn keys(
+        &self,
+        prefix: &[u8],
+        after: Option<&[u8]>,
+        limit: usize,
+    ) -> Result<Vec<Vec<u8>>, EngineError> {
+        self.desk.shared.check()?;
+        let located = self.desk.shared.index().scan(prefix, after, limit);
+        Ok(located.into_iter().map(|(key, _)| key.to_vec()).collect())
     }
 
     fn commit(&self, commit: Commit) -> Pending {
@@ -259,13 +325,13 @@ impl Engine for NatsEngine {
         self.desk.shared.check()?;
         let index = self.desk.shared.index();
         let pairs = index.pairs.iter().map(|(key, value)| (Arc::clone(key), value.clone()));
-        Ok(Box::new(NatsCut(pairs.collect::<Vec<_>>().into_iter())))
+        Ok(Box::new(NatsCut::new(pairs.collect())))
     }
 
     fn compact(&self) -> Result<Compacted, EngineError> {
         let before_bytes = self.stats()?.bytes;
         let is_worth = |state: &index::UnitState| {
-            state.n_keys > 0 && state.logged_bytes > 2 * state.live_bytes + SLACK_BYTES
+            state.n_keys > 0 && state.logged_bytes > 2 * state.message_bytes + SLACK_BYTES
         };
         let units: Vec<Vec<u8>> = {
             let index = self.desk.shared.index();
@@ -279,6 +345,7 @@ impl Engine for NatsEngine {
                 CommitError::Conflict { .. } => unreachable!("the commit expects nothing"),
             })?;
         }
+        self.sweep();
         self.desk.shared.compactions.fetch_add(1, Ordering::Relaxed);
         let EngineStats { bytes: after_bytes, live_bytes, .. } = self.stats()?;
         Ok(Compacted { before_bytes, after_bytes, live_bytes })
@@ -290,7 +357,7 @@ impl Engine for NatsEngine {
         let index = shared.index();
         Ok(EngineStats {
             engine: "nats",
-            bytes: index.logged_bytes,
+            bytes: index.logged_bytes + index.content_bytes,
             live_bytes: index.live_bytes,
             compactions: shared.compactions.load(Ordering::Relaxed),
             free_bytes: None,
@@ -322,14 +389,5 @@ impl Drop for NatsEngine {
             let _ = done.recv_timeout(RELEASE_WITHIN);
         }
         runtime.shutdown_background();
-    }
-}
-
-/// Pairs that are still to be returned.
-struct NatsCut(std::vec::IntoIter<Located>);
-
-impl Cut for NatsCut {
-    fn next(&mut self, limit: usize) -> Result<Vec<Pair>, EngineError> {
-        read_all(self.0.by_ref().take(limit).collect())
     }
 }

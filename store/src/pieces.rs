@@ -125,31 +125,33 @@ pub(crate) fn scan(
     Ok(found)
 }
 
-/// Writes a large immutable record, its first piece last.
+/// Writes a large immutable record, its first piece in the last commit.
 pub(crate) async fn write_large(
     engine: &dyn Engine,
     head: &[u8],
     record: &[u8],
 ) -> Result<(), EngineError> {
     let (first, rest) = record.split_at(record.len().min(VALUE_BYTES_MAX));
-    let rest: Vec<_> = (1u32..).zip(rest.chunks(VALUE_BYTES_MAX)).collect();
-    for group in rest.chunks(PIECES_PER_COMMIT) {
-        let commit = group.iter().fold(Commit::new(), |commit, (piece, bytes)| {
-            commit.put(key::piece(head, *piece), bytes.to_vec())
-        });
+    let rest = (1u32..).zip(rest.chunks(VALUE_BYTES_MAX));
+    let rest = rest.map(|(piece, bytes)| (key::piece(head, piece), bytes));
+    let pieces: Vec<_> = rest.chain([(head.to_vec(), first)]).collect();
+    for group in pieces.chunks(PIECES_PER_COMMIT) {
+        let commit = group
+            .iter()
+            .fold(Commit::new(), |commit, (key, bytes)| commit.put(key.clone(), bytes.to_vec()));
         commit_unconditionally(engine, commit).await?;
     }
-    commit_unconditionally(engine, Commit::new().put(head.to_vec(), first.to_vec())).await
+    Ok(())
 }
 
 /// Removes every key with `prefix`.
 pub(crate) async fn remove_all(engine: &dyn Engine, prefix: &[u8]) -> Result<(), EngineError> {
     loop {
-        let page = engine.scan(prefix, None, PIECES_PER_COMMIT)?;
+        let page = engine.keys(prefix, None, PIECES_PER_COMMIT)?;
         if page.is_empty() {
             return Ok(());
         }
-        let commit = page.into_iter().fold(Commit::new(), |commit, (key, _)| commit.remove(key));
+        let commit = page.into_iter().fold(Commit::new(), Commit::remove);
         commit_unconditionally(engine, commit).await?;
     }
 }

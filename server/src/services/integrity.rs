@@ -2,12 +2,13 @@
 //!
 //! Damaged versions are excluded from recognition; other damage is logged. The engine has
 //! already checked its content against the last writes. Damage found here was there before it
-//! was written, or accepted by `palpate fsck --accept`.
+//! was written, or accepted by `palpate fsck --accept`. Content of a cluster that is fetched when
+//! it is used is checked then; here its presence and its length are.
 
 use std::sync::Arc;
 
 use palpate_store::database::Database;
-use palpate_store::engine::EngineError;
+use palpate_store::engine::{EngineError, Found};
 use palpate_store::fsck::{Checker, Report, Severity};
 use tokio::sync::watch;
 
@@ -46,11 +47,16 @@ fn report(
         if *stopping.borrow() {
             return Ok(None);
         }
-        let page = cut.next(PAIRS_PER_READ)?;
+        let page = cut.next_here(PAIRS_PER_READ)?;
         if page.is_empty() {
             return Ok(Some(checker.finish()));
         }
-        page.iter().for_each(|(key, value)| checker.pair(key, value));
+        for (key, found) in &page {
+            match found {
+                Found::Value(value) => checker.pair(key, value),
+                Found::Elsewhere(length) => checker.elsewhere(key, *length),
+            }
+        }
     }
 }
 

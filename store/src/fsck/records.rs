@@ -38,6 +38,8 @@ pub(super) enum Whole {
     SensorDay(SensorDay),
     /// A file or block: its hash and length.
     Raw([u8; 32], u64),
+    /// A file or block whose content was not read: its length.
+    Unread(u64),
     /// Bytes that a key wrote of a thing.
     Holding,
     /// A job, a key, a webhook, a delivery, or an entry of the audit log: no other record refers to
@@ -45,6 +47,13 @@ pub(super) enum Whole {
     Alone,
     /// A complete record of a kind that later versions added.
     Other,
+}
+
+/// The value of a pair.
+pub(super) enum Value<'pair> {
+    Read(&'pair [u8]),
+    /// Not read: its length.
+    Elsewhere(usize),
 }
 
 /// Name and key length (`None` is any) of the records of a space, and the consequence of damage.
@@ -134,6 +143,8 @@ pub(super) struct Assembly {
     found: usize,
     next_piece: u32,
     fault: Option<String>,
+    /// Whether a piece is elsewhere and was not read.
+    is_elsewhere: bool,
     /// The bytes; only the header for files and blocks.
     bytes: Vec<u8>,
     content: blake3::Hasher,
@@ -141,10 +152,11 @@ pub(super) struct Assembly {
 }
 
 impl Assembly {
+    /// Takes a pair, or a key whose value was not read.
     pub(super) fn pair(
         &mut self,
         key: &[u8],
-        value: &[u8],
+        value: &Value<'_>,
         relations: &mut Relations,
         report: &mut Report,
     ) {
@@ -176,7 +188,10 @@ impl Assembly {
             self.fault = Some(format!("piece {} is missing", self.next_piece));
         }
         self.next_piece += 1;
-        self.take(value);
+        match value {
+            Value::Read(value) => self.take(value),
+            Value::Elsewhere(length) => self.skip(*length),
+        }
     }
 
     fn lacks(&self, key: &[u8]) -> bool {
@@ -184,8 +199,12 @@ impl Assembly {
         !self.head.is_empty() && is_behind && self.found < self.total
     }
 
-    fn begin(&mut self, key: &[u8], value: &[u8]) {
+    fn begin(&mut self, key: &[u8], value: &Value<'_>) {
         *self = Self { head: key.to_vec(), next_piece: 1, ..Self::default() };
+        let value = match value {
+            Value::Read(value) => *value,
+            Value::Elsewhere(length) => return self.skip(*length),
+        };
         match envelope::total_bytes(value) {
             Ok(total) => self.total = total,
             Err(error) => self.fault = Some(error.to_string()),
@@ -198,6 +217,11 @@ impl Assembly {
         } else {
             self.take(value);
         }
+    }
+
+    fn skip(&mut self, length: usize) {
+        self.found += length;
+        self.is_elsewhere = true;
     }
 
     fn take(&mut self, value: &[u8]) {
@@ -233,8 +257,13 @@ impl Assembly {
         if let Some(fault) = self.fault {
             return Err(fault);
         }
-        if self.found != self.total {
+        // The first piece has the total; it may be elsewhere, too.
+        let is_known = !self.is_elsewhere || self.total > 0;
+        if is_known && self.found != self.total {
             return Err(format!("it has {} bytes of {}", self.found, self.total));
+        }
+        if self.is_elsewhere {
+            return Ok(Whole::Unread(self.found.saturating_sub(HEADER_BYTES) as u64));
         }
         let bytes = &self.bytes;
         match self.head[0] {

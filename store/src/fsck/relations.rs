@@ -9,7 +9,18 @@ use super::{Finding, Report, Severity};
 use crate::catalogue::Manifest;
 use crate::journal::{Event, StoredHead};
 use crate::key::{self, Space};
+use crate::mesh::MeshInfo;
 use crate::sensor_day::SensorDay;
+
+/// What is known of a mesh file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum File {
+    Damaged,
+    /// Its hash.
+    Whole([u8; 32]),
+    /// Its length; it was not read.
+    Unread(u64),
+}
 
 /// The facts kept of the visited records.
 #[derive(Default)]
@@ -29,7 +40,7 @@ pub(super) struct Relations {
     /// Present blocks: their lengths, `None` if damaged.
     blocks: BTreeMap<[u8; 32], Option<u64>>,
     named_blocks: BTreeSet<[u8; 32]>,
-    files: BTreeMap<Vec<u8>, Option<[u8; 32]>>,
+    files: BTreeMap<Vec<u8>, File>,
     /// Names by kind and text, and the names of items.
     names: BTreeMap<Vec<u8>, Uuid>,
     used_names: BTreeSet<Vec<u8>>,
@@ -63,7 +74,7 @@ impl Relations {
                 self.blocks.insert(hash_of(key), None);
             }
             b'f' => {
-                self.files.insert(key.to_vec(), None);
+                self.files.insert(key.to_vec(), File::Damaged);
             }
             b't' | b'r' => self.entry(key),
             b'x' => {
@@ -132,12 +143,9 @@ impl Relations {
                 length.is_some_and(|length| robot.seq >= length)
             }
             Whole::Raw(hash, length) => self.raw(key, hash, length),
+            Whole::Unread(length) => self.unread(key, length),
             Whole::Mesh(mesh) => {
-                let file = key::nested(Space::MeshFile, id, mesh.upload);
-                let found = self.files.remove(&file);
-                if found != Some(Some(mesh.hash)) {
-                    report.add(damage(key, "its file is missing or damaged".to_owned()));
-                }
+                self.mesh(key, id, &mesh, report);
                 false
             }
             Whole::Version(manifest) => {
@@ -205,12 +213,33 @@ impl Relations {
 
     fn raw(&mut self, key: &[u8], hash: [u8; 32], length: u64) -> bool {
         if key[0] == b'f' {
-            self.files.insert(key.to_vec(), Some(hash));
+            self.files.insert(key.to_vec(), File::Whole(hash));
             return false;
         }
         let is_its_own = hash_of(key) == hash;
         self.blocks.insert(hash_of(key), is_its_own.then_some(length));
         !is_its_own
+    }
+
+    fn unread(&mut self, key: &[u8], length: u64) -> bool {
+        match key[0] {
+            b'f' => drop(self.files.insert(key.to_vec(), File::Unread(length))),
+            b'b' => drop(self.blocks.insert(hash_of(key), Some(length))),
+            _ => {}
+        }
+        false
+    }
+
+    fn mesh(&mut self, key: &[u8], object: Uuid, mesh: &MeshInfo, report: &mut Report) {
+        let file = key::nested(Space::MeshFile, object, mesh.upload);
+        let is_whole = match self.files.remove(&file) {
+            Some(File::Whole(hash)) => hash == mesh.hash,
+            Some(File::Unread(length)) => length == mesh.length,
+            Some(File::Damaged) | None => false,
+        };
+        if !is_whole {
+            report.add(damage(key, "its file is missing or damaged".to_owned()));
+        }
     }
 
     fn version(&mut self, key: &[u8], manifest: &Manifest, report: &mut Report) {

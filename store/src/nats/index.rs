@@ -3,12 +3,13 @@
 //! It holds the state after all messages up to one sequence of the stream; nothing but messages
 //! that the stream delivered changes it.
 
-use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, HashMap, VecDeque};
 use std::ops::Bound;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::message::Message;
+use super::content::{Contents, Object};
+use super::message::{Message, ObjectId, PART_BYTES, Part, Value};
 use super::spool::{Spool, Stored};
 use super::unit::{self, Keys};
 use crate::engine::{EngineError, Pair};
@@ -29,7 +30,16 @@ pub(super) struct UnitState {
     pub(super) logged_bytes: u64,
     /// Bytes of its keys and values.
     pub(super) live_bytes: u64,
+    /// Bytes of its keys and values in messages: without content, which is in objects.
+    pub(super) message_bytes: u64,
     pub(super) n_keys: u32,
+}
+
+/// An object, and the number of keys whose values it has.
+#[derive(Debug)]
+struct Counted {
+    object: Arc<Object>,
+    n_keys: u32,
 }
 
 /// The state after all messages up to one sequence.
@@ -40,26 +50,33 @@ pub(super) struct Index {
     pub(super) held: Held,
     pub(super) live_bytes: u64,
     pub(super) logged_bytes: u64,
+    /// Bytes of the objects that have values.
+    pub(super) content_bytes: u64,
     spool: Spool,
+    contents: Arc<Contents>,
+    objects: HashMap<ObjectId, Counted>,
     /// Emptied units and the sequences of the messages that did it, oldest first.
     emptied: VecDeque<(Instant, Vec<u8>, u64)>,
 }
 
 impl Index {
-    pub(super) fn new(spool: Spool) -> Self {
+    pub(super) fn new(spool: Spool, contents: Arc<Contents>) -> Self {
         Self {
             pairs: BTreeMap::new(),
             units: HashMap::new(),
             held: Held::default(),
             live_bytes: 0,
             logged_bytes: 0,
+            content_bytes: 0,
             spool,
+            contents,
+            objects: HashMap::new(),
             emptied: VecDeque::new(),
         }
     }
 
     pub(super) fn get(&self, key: &[u8]) -> Result<Option<Vec<u8>>, EngineError> {
-        self.pairs.get(key).map(read).transpose()
+        self.pairs.get(key).map(Stored::read).transpose()
     }
 
     pub(super) fn unit(&self, id: &[u8]) -> UnitState {
@@ -90,28 +107,35 @@ impl Index {
         }
     }
 
-    /// Applies a message of `bytes` at `sequence`.
+    /// Applies a message of `bytes` at `sequence`; returns the objects that lost their last value.
     pub(super) fn apply(
         &mut self,
         message: &Message,
         sequence: u64,
         bytes: u64,
-    ) -> Result<(), EngineError> {
+    ) -> Result<Vec<Arc<Object>>, EngineError> {
         let mut state = self.unit(&message.unit);
+        let mut left = BTreeSet::new();
         if message.is_whole {
             for (key, _) in self.of_unit(&message.unit) {
-                self.set(&key, None, &mut state)?;
+                left.extend(self.set(&key, None, &mut state)?);
             }
             self.logged_bytes -= state.logged_bytes;
             state.logged_bytes = 0;
         }
-        let values: Vec<&[u8]> =
-            message.writes.iter().filter_map(|(_, value)| value.as_deref()).collect();
-        let mut stored =
-            self.spool.store(&values).map_err(failed("writing the spool"))?.into_iter();
+        let values = message.writes.iter().filter_map(|(_, value)| match value {
+            Some(Value::Here(value)) => Some(&value[..]),
+            _ => None,
+        });
+        let values: Vec<&[u8]> = values.collect();
+        let mut stored = self.spool.store(&values).map_err(failed)?.into_iter();
         for (key, value) in &message.writes {
-            let stored = value.as_ref().and_then(|_| stored.next());
-            self.set(key, stored, &mut state)?;
+            let stored = match value {
+                None => None,
+                Some(Value::Here(_)) => stored.next(),
+                Some(Value::There(part)) => Some(self.there(part, &message.unit)),
+            };
+            left.extend(self.set(key, stored, &mut state)?);
         }
         state.sequence = sequence;
         state.logged_bytes += bytes;
@@ -120,17 +144,51 @@ impl Index {
             self.emptied.push_back((Instant::now(), message.unit.clone(), sequence));
         }
         self.units.insert(message.unit.clone(), state);
-        Ok(())
+        Ok(left.into_iter().filter_map(|id| self.release(id)).collect())
     }
 
+    /// The value in an object, which gets one key more.
+    fn there(&mut self, part: &Part, unit: &[u8]) -> Stored {
+        let counted = self.objects.entry(part.object.id).or_insert_with(|| {
+            self.content_bytes += u64::from(part.object.length);
+            let contents = Arc::clone(&self.contents);
+            Counted { object: Arc::new(Object::new(part.object, unit, contents)), n_keys: 0 }
+        });
+        counted.n_keys += 1;
+        Stored::Content { object: Arc::clone(&counted.object), at: part.at, length: part.length }
+    }
+
+    /// Removes an object without values.
+    fn release(&mut self, id: ObjectId) -> Option<Arc<Object>> {
+        if self.has_object(id) {
+            return None;
+        }
+        let Counted { object, .. } = self.objects.remove(&id)?;
+        self.content_bytes -= u64::from(object.described.length);
+        Some(object)
+    }
+
+    /// Whether an object has values.
+    pub(super) fn has_object(&self, id: ObjectId) -> bool {
+        self.objects.get(&id).is_some_and(|counted| counted.n_keys > 0)
+    }
+
+    /// The objects that have values.
+    pub(super) fn objects(&self) -> impl Iterator<Item = &Arc<Object>> {
+        self.objects.values().map(|counted| &counted.object)
+    }
+
+    /// Sets a key; returns the object that has one value less.
     fn set(
         &mut self,
         key: &[u8],
         value: Option<Stored>,
         state: &mut UnitState,
-    ) -> Result<(), EngineError> {
+    ) -> Result<Option<ObjectId>, EngineError> {
         let size = |value: &Stored| (key.len() + value.len()) as u64;
+        let spoken = |value: &Stored| (key.len() + message_bytes(value)) as u64;
         let after = value.as_ref().map(size);
+        let after_spoken = value.as_ref().map_or(0, spoken);
         let before = match &value {
             Some(value) => self.pairs.insert(key.into(), value.clone()),
             None => self.pairs.remove(key),
@@ -138,14 +196,22 @@ impl Index {
         // Only holdings are counted by content.
         if key.first() == Some(&(crate::key::Space::Holding as u8)) {
             let (before, value) = (before.as_ref(), value.as_ref());
-            let before = before.map(read).transpose()?;
-            self.held.note(key, before.as_deref(), value.map(read).transpose()?.as_deref())?;
+            let before = before.map(Stored::read).transpose()?;
+            let value = value.map(Stored::read).transpose()?;
+            self.held.note(key, before.as_deref(), value.as_deref())?;
         }
         for total in [&mut state.live_bytes, &mut self.live_bytes] {
             *total = *total + after.unwrap_or(0) - before.as_ref().map_or(0, size);
         }
+        state.message_bytes =
+            state.message_bytes + after_spoken - before.as_ref().map_or(0, spoken);
         state.n_keys = state.n_keys + u32::from(after.is_some()) - u32::from(before.is_some());
-        Ok(())
+        let Some(Stored::Content { object, .. }) = before else { return Ok(None) };
+        let id = object.described.id;
+        if let Some(counted) = self.objects.get_mut(&id) {
+            counted.n_keys -= 1;
+        }
+        Ok(Some(id))
     }
 
     /// Removes an empty unit from the index, after its last message has left the stream.
@@ -168,16 +234,19 @@ impl Index {
     }
 }
 
-/// The value.
-pub(super) fn read(stored: &Stored) -> Result<Vec<u8>, EngineError> {
-    stored.read().map_err(failed("reading the spool"))
+/// Bytes of a value in a message.
+pub(super) fn message_bytes(value: &Stored) -> usize {
+    match value {
+        Stored::Content { .. } => PART_BYTES,
+        Stored::Memory(_) | Stored::File { .. } => value.len(),
+    }
 }
 
 /// Pairs with their values.
 pub(super) fn read_all(located: Vec<Located>) -> Result<Vec<Pair>, EngineError> {
-    located.into_iter().map(|(key, value)| Ok((key.to_vec(), read(&value)?))).collect()
+    located.into_iter().map(|(key, value)| Ok((key.to_vec(), value.read()?))).collect()
 }
 
-fn failed(doing: &'static str) -> impl Fn(std::io::Error) -> EngineError {
-    move |error| EngineError::Failed { doing, detail: error.to_string() }
+fn failed(error: std::io::Error) -> EngineError {
+    EngineError::Failed { doing: "writing the spool", detail: error.to_string() }
 }

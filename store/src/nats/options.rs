@@ -1,11 +1,17 @@
 //! Options of a store on a cluster: where it is, who asks, how many copies.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// First part of the subjects of what servers say to each other; no stream may have this name.
 pub(super) const SPOKEN: &str = "palpate-members";
 /// Name of the stream if the address has none.
 const STREAM: &str = "palpate";
+/// What the bucket's name has behind the stream's.
+const CONTENT: &str = "-content";
+/// Time for which removed content is kept. Chosen: a snapshot or a copy of a store of some
+/// hundred GB is read within an hour.
+const REMOVED_KEPT: Duration = Duration::from_secs(3600);
 
 /// Options of a store on a NATS cluster.
 #[derive(Clone, Debug)]
@@ -26,6 +32,9 @@ pub struct NatsOptions {
     pub is_shared: bool,
     /// Folder for temporary files; none of them is needed after a stop.
     pub spool: PathBuf,
+    /// Time for which content in the bucket outlives the last record that names it: as long as a
+    /// snapshot may take.
+    pub removed_kept: Duration,
 }
 
 impl NatsOptions {
@@ -66,7 +75,13 @@ impl NatsOptions {
             client_certificate: None,
             is_shared: false,
             spool,
+            removed_kept: REMOVED_KEPT,
         })
+    }
+
+    /// Name of the bucket with large content.
+    pub(super) fn bucket(&self) -> String {
+        format!("{}{CONTENT}", self.stream)
     }
 }
 

@@ -13,8 +13,11 @@ use std::collections::BTreeMap;
 
 use uuid::Uuid;
 
-use super::index::{Index, read};
-use super::message::{FRAME_BYTES, Message, WRITE_BYTES, Write, encode};
+use super::index::{Index, message_bytes};
+use super::message::{
+    FRAME_BYTES, Message, OBJECT_BYTES, PART_BYTES, Part, Value, WRITE_BYTES, Write, encode,
+};
+use super::spool::Stored;
 use super::unit;
 use crate::engine::{Account, Commit, CommitError, EngineError, Expected};
 use crate::holding::{self, Bill, Held};
@@ -33,7 +36,9 @@ const GARBAGE_BYTES: u64 = 16 << 10;
 const QUOTA_LEFT_BYTES: u64 = 32 << 20;
 
 /// Keys and their new values, `None` to remove them.
-type Writes = BTreeMap<Vec<u8>, Option<Vec<u8>>>;
+type Writes = BTreeMap<Vec<u8>, Option<Value>>;
+/// Where the values are of keys whose content was put as objects.
+pub(super) type Parts = BTreeMap<Vec<u8>, Part>;
 
 /// A commit and how it is to be written.
 #[derive(Debug)]
@@ -76,6 +81,7 @@ pub(super) fn units(work: &Work) -> Vec<Vec<u8>> {
 pub(super) fn plan(
     index: &Index,
     work: &Work,
+    content: &Parts,
     id: Uuid,
     payload_max: usize,
 ) -> Result<Vec<Outgoing>, CommitError> {
@@ -94,7 +100,7 @@ pub(super) fn plan(
     for id in units(work) {
         by_unit.insert(id, BTreeMap::new());
     }
-    for (key, value) in writes(index, commit)? {
+    for (key, value) in writes(index, commit, content)? {
         by_unit.entry(unit::of(&key)).or_default().insert(key, value);
     }
     // A holding that stays as it is needs no message.
@@ -119,7 +125,7 @@ pub(super) fn plan(
         return Err(EngineError::Failed { doing: "planning a commit", detail }.into());
     }
     let n_parts = parts.len() as u16;
-    let outgoing = (0..n_parts).zip(parts).map(|(part, Part { message, expected })| {
+    let outgoing = (0..n_parts).zip(parts).map(|(part, Unplaced { message, expected })| {
         let is_last_word = message.is_whole && message.writes.is_empty();
         let ttl = is_last_word.then_some(TOMBSTONE_TTL);
         let message = Message { commit: id, part, n_parts, ..message };
@@ -135,20 +141,47 @@ fn is_close(held: &Held, account: &Account) -> bool {
 }
 
 /// The writes of a commit, the last of each key, and those of the holdings of its account.
-fn writes(index: &Index, commit: &Commit) -> Result<Writes, EngineError> {
-    let mut writes: BTreeMap<_, _> = commit.writes.iter().cloned().collect();
+fn writes(index: &Index, commit: &Commit, content: &Parts) -> Result<Writes, EngineError> {
+    let value = |key: &Vec<u8>, value: &Vec<u8>| match content.get(key) {
+        Some(part) => Value::There(*part),
+        None => Value::Here(value.clone()),
+    };
+    let values = commit.writes.iter();
+    let values = values.map(|(key, new)| (key.clone(), new.as_ref().map(|new| value(key, new))));
+    let mut writes: Writes = values.collect();
     if let Some(mut bill) = Bill::of(commit) {
         for (key, value) in &writes {
-            bill.add(key, index.get(key)?.as_deref(), value.as_deref());
+            let before = index.pairs.get(&key[..]).map(Stored::len);
+            bill.add(key, before, value.as_ref().map(Value::len));
         }
         let holdings = bill.settle(&index.held, |key| index.get(key))?;
-        writes.extend(holdings.into_iter().map(|(key, record)| (key, Some(record))));
+        let holdings = holdings.into_iter();
+        writes.extend(holdings.map(|(key, record)| (key, Some(Value::Here(record)))));
     }
     Ok(writes)
 }
 
+/// Bytes of a new value in a message.
+fn spoken_bytes(value: &Value) -> usize {
+    match value {
+        Value::Here(value) => value.len(),
+        Value::There(_) => PART_BYTES,
+    }
+}
+
+/// A stored value as a message has it: content stays where it is.
+fn again(value: &Stored) -> Result<Value, EngineError> {
+    match value {
+        Stored::Content { object, at, length } => {
+            let (object, at, length) = (object.described, *at, *length);
+            Ok(Value::There(Part { object, at, length }))
+        }
+        Stored::Memory(_) | Stored::File { .. } => value.read().map(Value::Here),
+    }
+}
+
 /// A message without its place.
-struct Part {
+struct Unplaced {
     message: Message,
     expected: Option<u64>,
 }
@@ -160,15 +193,15 @@ fn of_unit(
     writes: Writes,
     work: &Work,
     payload_max: usize,
-) -> Result<Vec<Part>, EngineError> {
+) -> Result<Vec<Unplaced>, EngineError> {
     let state = index.unit(&id);
-    let mut after = state.live_bytes;
+    let mut after = state.message_bytes;
     let mut delta = FRAME_BYTES as u64;
     for (key, value) in &writes {
         let size = |length: usize| (key.len() + length) as u64;
-        after -= index.pairs.get(&key[..]).map_or(0, |before| size(before.len()));
-        after += value.as_ref().map_or(0, |value| size(value.len()));
-        delta += size(value.as_ref().map_or(0, Vec::len)) + WRITE_BYTES as u64;
+        after -= index.pairs.get(&key[..]).map_or(0, |before| size(message_bytes(before)));
+        after += value.as_ref().map_or(0, |value| size(spoken_bytes(value)));
+        delta += size(value.as_ref().map_or(0, spoken_bytes)) + WRITE_BYTES as u64;
     }
     let is_cheap = after <= 2 * delta;
     let is_garbage = state.logged_bytes + delta > 3 * after + GARBAGE_BYTES;
@@ -178,7 +211,7 @@ fn of_unit(
         let mut whole = BTreeMap::new();
         for (key, value) in index.of_unit(&id) {
             if !writes.contains_key(&key[..]) {
-                whole.insert(key.to_vec(), Some(read(&value)?));
+                whole.insert(key.to_vec(), Some(again(&value)?));
             }
         }
         whole.extend(writes.into_iter().filter(|(_, value)| value.is_some()));
@@ -192,7 +225,7 @@ fn of_unit(
         let (commit, part, n_parts) = (Uuid::nil(), 0, 1);
         let is_whole = is_whole && is_first;
         let message = Message { commit, part, n_parts, unit, is_whole, writes };
-        Part { message, expected: is_first.then_some(state.sequence) }
+        Unplaced { message, expected: is_first.then_some(state.sequence) }
     });
     Ok(parts.collect())
 }
@@ -202,7 +235,12 @@ fn groups(writes: Vec<Write>, bytes_max: usize) -> Vec<Vec<Write>> {
     let mut groups = vec![Vec::new()];
     let mut bytes = 0;
     for (key, value) in writes {
-        let size = WRITE_BYTES + key.len() + value.as_ref().map_or(0, Vec::len);
+        let size = match &value {
+            // Each may be in another object.
+            Some(Value::There(_)) => WRITE_BYTES + key.len() + PART_BYTES + OBJECT_BYTES,
+            Some(Value::Here(value)) => WRITE_BYTES + key.len() + value.len() + 2,
+            None => WRITE_BYTES + key.len() + 2,
+        };
         if bytes > 0 && bytes + size > bytes_max {
             groups.push(Vec::new());
             bytes = 0;

@@ -9,6 +9,7 @@ use async_nats::{Client, ConnectOptions};
 use futures::future::join_all;
 use uuid::Uuid;
 
+use super::bucket::Bucket;
 use super::message::{Message, encode};
 use super::options::NatsOptions;
 use super::plan::Outgoing;
@@ -31,8 +32,9 @@ const TEST_TTL: &str = "60s";
 /// Attempts to make the stream while a cluster elects its leaders.
 const SETUP_ATTEMPTS: u32 = 40;
 
-/// Connects, makes or checks the stream, and tests it; returns the sequence of the last message.
-pub(super) async fn open(options: &NatsOptions) -> Result<(Publisher, u64), OpenError> {
+/// Connects, makes or checks the stream and the bucket, and tests the stream; returns the sequence
+/// of the last message.
+pub(super) async fn open(options: &NatsOptions) -> Result<(Publisher, Bucket, u64), OpenError> {
     let fault = |fault: String| OpenError::Cluster { servers: options.servers.join(","), fault };
     let client = connect(options).await.map_err(fault)?;
     let info = client.server_info();
@@ -45,9 +47,11 @@ pub(super) async fn open(options: &NatsOptions) -> Result<(Publisher, u64), Open
     if payload_max < 2 * HEADERS_BYTES {
         return Err(fault(format!("its max_payload is {}, expected 8 KB", info.max_payload)));
     }
+    let bucket = Bucket::open(&context, options.bucket(), found.config.num_replicas);
+    let bucket = bucket.await.map_err(fault)?;
     let publisher = Publisher::new(context, stream, options.stream.clone(), payload_max);
     let last = test(&publisher).await.map_err(fault)?;
-    Ok((publisher, last))
+    Ok((publisher, bucket, last))
 }
 
 /// A connection to the cluster.

@@ -1,15 +1,16 @@
 //! State shared by readers, the follower of the stream and the publishers of commits.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet, VecDeque};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
-use std::time::Duration;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
+use std::time::{Duration, Instant};
 
 use tokio::sync::{Notify, watch};
 use uuid::Uuid;
 
+use super::content::Object;
 use super::index::Index;
-use super::message::Message;
+use super::message::{Message, ObjectId};
 use super::unit;
 use crate::engine::EngineError;
 use crate::engine::news::Teller;
@@ -33,6 +34,10 @@ pub(super) struct Shared {
     /// Those who hear what other processes change.
     tellers: Mutex<Vec<Teller>>,
     fault: Mutex<Option<EngineError>>,
+    /// Objects that lost their last value by commits of this process, and when, oldest first.
+    released: Mutex<VecDeque<(Instant, Arc<Object>)>>,
+    /// Number of objects that messages name and the bucket did not have when it was compared.
+    pub(super) missing: AtomicU64,
     /// Told when somebody waits for messages and none come.
     pub(super) is_stalled: Notify,
     pub(super) commits: AtomicU64,
@@ -48,6 +53,8 @@ impl Shared {
             under_way: Mutex::default(),
             tellers: Mutex::default(),
             fault: Mutex::default(),
+            released: Mutex::default(),
+            missing: AtomicU64::new(0),
             is_stalled: Notify::new(),
             commits: AtomicU64::new(0),
             batches: AtomicU64::new(0),
@@ -69,9 +76,11 @@ impl Shared {
         let mut foreign = Vec::new();
         {
             let mut index = self.index.write().unwrap_or_else(PoisonError::into_inner);
+            let mut released = Vec::new();
             for Delivered { message, sequence, bytes } in messages {
                 if !message.unit.starts_with(unit::LEASE) {
-                    index.apply(message, *sequence, *bytes)?;
+                    let objects = index.apply(message, *sequence, *bytes)?;
+                    released.extend(objects.into_iter().map(|object| (message.commit, object)));
                 }
             }
             // Who sees what a commit wrote also sees that it was delivered.
@@ -82,6 +91,9 @@ impl Shared {
                     None => foreign.push(&message.unit),
                 }
             }
+            released.retain(|(commit, _)| under_way.contains_key(commit));
+            let now = Instant::now();
+            self.released().extend(released.into_iter().map(|(_, object)| (now, object)));
         }
         self.position.send_replace(last.sequence);
         if !foreign.is_empty() {
@@ -89,6 +101,26 @@ impl Shared {
             self.tellers().retain(is_heard);
         }
         Ok(())
+    }
+
+    fn released(&self) -> MutexGuard<'_, VecDeque<(Instant, Arc<Object>)>> {
+        self.released.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The objects that were released and are still to be removed.
+    pub(super) fn to_remove(&self) -> HashSet<ObjectId> {
+        self.released().iter().map(|(_, object)| object.described.id).collect()
+    }
+
+    /// Takes the objects that were released this long ago and that no reader of this process has.
+    pub(super) fn take_released(&self, ago: Duration) -> Vec<Arc<Object>> {
+        let mut released = self.released();
+        let is_due = |(at, object): &(Instant, Arc<Object>)| {
+            at.elapsed() >= ago && Arc::strong_count(object) == 1
+        };
+        let (due, rest): (VecDeque<_>, VecDeque<_>) = released.drain(..).partition(is_due);
+        *released = rest;
+        due.into_iter().map(|(_, object)| object).collect()
     }
 
     /// Adds one who hears from now on what other processes change.

@@ -1,4 +1,5 @@
-//! The spool: values that this process has followed, in temporary files.
+//! The spool: values that this process has followed, in temporary files. Large content stays in
+//! its objects until it is read.
 //!
 //! It makes reads local without keeping all values in memory. Its files have no name and vanish
 //! with the process; a start fills them anew from the stream. A file is freed when no key and no
@@ -10,6 +11,9 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::cache::unnamed_file;
+use super::content::Object;
+use crate::engine::EngineError;
 use crate::private;
 
 /// Bytes after which a new file begins.
@@ -22,25 +26,29 @@ const IN_MEMORY_BYTES_MAX: usize = 128;
 pub(super) enum Stored {
     Memory(Arc<[u8]>),
     File { file: Arc<File>, at: u32, length: u16 },
+    Content { object: Arc<Object>, at: u32, length: u16 },
 }
 
 impl Stored {
     pub(super) fn len(&self) -> usize {
         match self {
             Self::Memory(bytes) => bytes.len(),
-            Self::File { length, .. } => usize::from(*length),
+            Self::File { length, .. } | Self::Content { length, .. } => usize::from(*length),
         }
     }
 
-    /// The value.
-    pub(super) fn read(&self) -> io::Result<Vec<u8>> {
+    /// The value. Blocks while content is fetched.
+    pub(super) fn read(&self) -> Result<Vec<u8>, EngineError> {
         match self {
             Self::Memory(bytes) => Ok(bytes.to_vec()),
             Self::File { file, at, length } => {
                 let mut bytes = vec![0; usize::from(*length)];
-                file.read_exact_at(&mut bytes, u64::from(*at))?;
+                let read = file.read_exact_at(&mut bytes, u64::from(*at));
+                let doing = "reading the spool";
+                read.map_err(|error| EngineError::Failed { doing, detail: error.to_string() })?;
                 Ok(bytes)
             }
+            Self::Content { object, at, length } => object.read(*at, *length),
         }
     }
 }
@@ -98,12 +106,8 @@ impl Spool {
         if let Some(file) = &self.file {
             return Ok(Arc::clone(file));
         }
-        let path = self.folder.join(format!("spool-{}", uuid::Uuid::now_v7()));
-        let file = File::options().read(true).write(true).create_new(true).open(&path)?;
-        // The file stays usable while it is open.
-        std::fs::remove_file(&path)?;
+        let file = Arc::new(unnamed_file(&self.folder)?);
         self.end = 0;
-        let file = Arc::new(file);
         self.file = Some(Arc::clone(&file));
         Ok(file)
     }

@@ -24,6 +24,20 @@ fn record_bytes(letter: u8) -> Option<usize> {
     }
 }
 
+/// Whether a unit is content: large, written once, and named by its hash or by its upload.
+pub(super) fn is_content(id: &[u8]) -> bool {
+    id.first().is_some_and(|letter| {
+        (*letter == Space::Block as u8 || *letter == Space::MeshFile as u8)
+            && record_bytes(*letter) == Some(id.len())
+    })
+}
+
+/// Whether the unit of a key may be content.
+pub(super) fn may_be_content(key: &[u8]) -> bool {
+    matches!(key.first(), Some(letter)
+        if *letter == Space::Block as u8 || *letter == Space::MeshFile as u8)
+}
+
 /// The unit, without keys, that orders the commits of an API key that has little left of its quota.
 pub(super) fn quota(key: Uuid) -> Vec<u8> {
     [&b"\0quota"[..], key.as_bytes()].concat()
@@ -74,17 +88,28 @@ pub(super) fn subject(stream: &str, id: &[u8]) -> String {
     let mut subject = String::with_capacity(stream.len() + 4 + 2 * id.len());
     subject.push_str(stream);
     subject.push('.');
+    push_words(&mut subject, id);
+    subject
+}
+
+/// A unit's id in words: the space's letter, and the rest in hex.
+pub(super) fn words(id: &[u8]) -> String {
+    let mut words = String::with_capacity(2 + 2 * id.len());
+    push_words(&mut words, id);
+    words
+}
+
+fn push_words(subject: &mut String, id: &[u8]) {
     match id.first() {
         Some(letter) if letter.is_ascii_alphanumeric() => subject.push(char::from(*letter)),
-        Some(letter) => push_hex(&mut subject, *letter),
+        Some(letter) => push_hex(subject, *letter),
         None => {}
     }
     subject.push('.');
     match id.get(1..) {
         None | Some([]) => subject.push('-'),
-        Some(rest) => rest.iter().for_each(|byte| push_hex(&mut subject, *byte)),
+        Some(rest) => rest.iter().for_each(|byte| push_hex(subject, *byte)),
     }
-    subject
 }
 
 fn push_hex(text: &mut String, byte: u8) {

@@ -1,4 +1,5 @@
-//! The way of one commit: planned, published, and planned again when another server was faster.
+//! The way of one commit: its large content put, then planned, published, and planned again when
+//! another server was faster.
 //!
 //! A publication without an answer may have been stored. It expects the same last sequence as
 //! its repetition, so at most one of them is; when the repetition is refused, the stream tells
@@ -9,14 +10,19 @@ use std::time::{Duration, Instant};
 
 use uuid::Uuid;
 
+use super::content::{Contents, Object};
 use super::lanes::Admitted;
-use super::plan::plan;
+use super::plan::{Parts, plan};
 use super::publish::{Publisher, Refused};
 use super::shared::Shared;
-use crate::engine::{CommitError, EngineError};
+use super::spool::Stored;
+use crate::engine::{CommitError, EngineError, Expected};
 
 /// Time after which a commit without success is given up. A leader's crash takes seconds.
 const PATIENCE: Duration = Duration::from_secs(60);
+/// Time after which a message that names objects is not published any more. Chosen: far below the
+/// time after which objects without a message are removed.
+const NAMED_WITHIN: Duration = Duration::from_secs(600);
 /// First pause before another attempt; it doubles up to the longest.
 const PAUSE: Duration = Duration::from_millis(2);
 const PAUSE_MAX: Duration = Duration::from_millis(500);
@@ -28,10 +34,14 @@ pub(super) async fn commit(
     admitted: &Admitted,
     publisher: &Publisher,
     shared: &Arc<Shared>,
+    contents: &Contents,
 ) -> Result<(), CommitError> {
     let id = Uuid::now_v7();
+    let begun = Instant::now();
+    fetch_expected(admitted, shared).await?;
+    let content = contents.put(id, &admitted.job.work.commit.writes).await.map_err(failed)?;
     shared.begin(id);
-    let outcome = attempts(admitted, publisher, shared, id).await;
+    let outcome = attempts(admitted, publisher, shared, &content, (id, begun)).await;
     shared.end(id);
     if outcome.is_ok() {
         shared.count();
@@ -39,17 +49,43 @@ pub(super) async fn commit(
     outcome
 }
 
+/// Fetches the content whose values a commit expects, since no other commit is planned meanwhile.
+async fn fetch_expected(admitted: &Admitted, shared: &Arc<Shared>) -> Result<(), EngineError> {
+    let objects: Vec<Arc<Object>> = {
+        let index = shared.index();
+        let expected = admitted.job.work.commit.expectations.iter();
+        let found = expected.filter_map(|(key, expected)| match expected {
+            Expected::Value(_) => index.pairs.get(&key[..]),
+            Expected::Absent => None,
+        });
+        let content = found.filter_map(|stored| match stored {
+            Stored::Content { object, .. } => Some(Arc::clone(object)),
+            Stored::Memory(_) | Stored::File { .. } => None,
+        });
+        content.collect()
+    };
+    for object in objects {
+        object.fetch().await?;
+    }
+    Ok(())
+}
+
 async fn attempts(
     admitted: &Admitted,
     publisher: &Publisher,
     shared: &Arc<Shared>,
-    id: Uuid,
+    content: &Parts,
+    (id, put): (Uuid, Instant),
 ) -> Result<(), CommitError> {
     let begun = Instant::now();
     let mut pause = PAUSE;
     loop {
         shared.check()?;
-        let planned = plan(&shared.index(), &admitted.job.work, id, publisher.payload_max);
+        let work = &admitted.job.work;
+        let planned = plan(&shared.index(), work, content, id, publisher.payload_max);
+        if !content.is_empty() && put.elapsed() > NAMED_WITHIN {
+            return Err(failed(format!("its content was put more than {NAMED_WITHIN:?} ago")));
+        }
         let outgoing = match planned {
             // What its expectations miss is its own work: the follower came by meanwhile.
             Err(CommitError::Conflict { .. }) if shared.is_delivered(id) => return Ok(()),

@@ -183,7 +183,7 @@ impl Writer {
         for (key, value) in writes {
             let before = get(&key)?;
             if let Some(bill) = &mut bill {
-                bill.add(&key, before.as_deref(), value.as_deref());
+                bill.add(&key, before.as_ref().map(Vec::len), value.as_ref().map(Vec::len));
             }
             changes.push(Change { key, before, value });
         }

@@ -6,7 +6,10 @@ use std::time::Instant;
 
 use palpate_store::database::{Database, DatabaseError};
 use palpate_store::engine::opening::OpenError;
-use palpate_store::engine::{Commit, CommitError, Engine, EngineError, Expected, VALUE_BYTES_MAX};
+use palpate_store::engine::{
+    Commit, CommitError, Engine, EngineError, Expected, Pair, VALUE_BYTES_MAX,
+};
+use palpate_store::key::{self, Space};
 use palpate_store::memory::MemoryEngine;
 use palpate_store::sled::{SledEngine, SledOptions};
 use tempfile::TempDir;
@@ -25,6 +28,67 @@ fn check(law: impl Fn(&dyn Engine)) {
     if let Some(store) = cluster::store() {
         law(&store.open());
     }
+}
+
+/// A block of so many pieces, and the commit that writes it; its first piece is under its key.
+pub(crate) fn large(number: u64, n_pieces: u32) -> (Vec<u8>, Commit) {
+    let mut hash = [7; 32];
+    hash[..8].copy_from_slice(&number.to_be_bytes());
+    let head = key::hash(Space::Block, &hash);
+    let value = |piece: u32| vec![(number + u64::from(piece)) as u8; VALUE_BYTES_MAX];
+    let commit = Commit::new().put(head.clone(), value(0));
+    let commit = (1..n_pieces)
+        .fold(commit, |commit, piece| commit.put(key::piece(&head, piece), value(piece)));
+    (head, commit)
+}
+
+/// Large content is written, read, expected, replaced and removed as everything else.
+pub(crate) fn law_of_large_content(engine: &dyn Engine) {
+    let (head, commit) = large(1, 40);
+    let expected: Vec<Pair> =
+        commit.writes.iter().map(|(key, value)| (key.clone(), value.clone().unwrap())).collect();
+    engine.commit(commit.put(b"n/x".to_vec(), vec![1])).wait().unwrap();
+    assert!(engine.scan(&head, None, 99).unwrap() == expected, "other content");
+    assert_eq!(engine.keys(&head, Some(&head), 3).unwrap().len(), 3);
+    assert_eq!(engine.get(&expected[7].0).unwrap().as_ref(), Some(&expected[7].1));
+    let mut cut = engine.cut().unwrap();
+    let live_bytes = engine.stats().unwrap().live_bytes;
+    let sizes = expected.iter().map(|(key, value)| (key.len() + value.len()) as u64);
+    assert_eq!(live_bytes, sizes.sum::<u64>() + 4);
+
+    let (third, fifth) = (expected[3].clone(), expected[5].0.clone());
+    let wrong =
+        Commit::new().expect(third.0.clone(), Expected::Value(vec![1])).remove(head.clone());
+    assert_eq!(engine.commit(wrong).wait(), Err(CommitError::Conflict { expectation: 0 }));
+    let right = Commit::new().expect(third.0.clone(), Expected::Value(third.1));
+    let again = large(1, 20).1.writes.into_iter().skip(8);
+    let again = again.map(|(key, _)| (key, Some(vec![9; VALUE_BYTES_MAX])));
+    let mut change = right.remove(third.0.clone()).put(fifth.clone(), vec![5]);
+    change.writes.extend(again);
+    engine.commit(change).wait().unwrap();
+    let after = engine.scan(&head, None, 99).unwrap();
+    assert_eq!(after.len(), 39);
+    assert_eq!(engine.get(&third.0).unwrap(), None);
+    assert_eq!(engine.get(&fifth).unwrap(), Some(vec![5]));
+    assert!(after[8..18].iter().all(|(_, value)| value == &vec![9; VALUE_BYTES_MAX]));
+    assert!(after[30] == expected[31], "what was not replaced stays");
+    let all = cut.next(99).unwrap();
+    assert!(all[..40] == expected, "a cut has the state before");
+    engine.compact().unwrap();
+    assert!(engine.scan(&head, None, 99).unwrap() == after, "another state after a compaction");
+
+    let remove = after.iter().fold(Commit::new(), |commit, (key, _)| commit.remove(key.clone()));
+    engine.commit(remove).wait().unwrap();
+    engine.commit(large(1, 40).1).wait().unwrap();
+    assert!(engine.scan(&head, None, 99).unwrap() == expected, "content stored again");
+    let remove = expected.iter().fold(Commit::new(), |commit, (key, _)| commit.remove(key.clone()));
+    engine.commit(remove).wait().unwrap();
+    assert_eq!(engine.stats().unwrap().live_bytes, 4);
+}
+
+#[test]
+fn large_content_is_content_as_any() {
+    check(law_of_large_content);
 }
 
 fn put(key: &str, value: &str) -> Commit {

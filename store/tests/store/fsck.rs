@@ -154,3 +154,32 @@ fn a_list_continues_after_a_damaged_item() {
     assert_eq!((ids(&second.items), second.next), (vec![22], None));
     assert!(objects.get(Uuid::from_u128(21)).is_err());
 }
+
+/// A check that reads no pieces of blocks and meshes.
+fn check_without_content(engine: &dyn Engine) -> Report {
+    let mut checker = palpate_store::fsck::Checker::default();
+    for (key, value) in engine.scan(b"", None, usize::MAX).unwrap() {
+        match key[0] {
+            b'b' | b'f' => checker.elsewhere(&key, value.len()),
+            _ => checker.pair(&key, &value),
+        }
+    }
+    checker.finish()
+}
+
+#[test]
+fn content_that_is_not_read_must_be_there() {
+    let engine = filled();
+    let whole = check_without_content(&*engine);
+    assert_eq!((whole.n_damaged, whole.n_leftovers), (0, 0), "{whole:?}");
+    assert_eq!(whole.records, check(&*engine).unwrap().records);
+    let content = engine.scan(b"", None, usize::MAX).unwrap().into_iter();
+    for (key, value) in content.filter(|(key, _)| matches!(key[0], b'b' | b'f')) {
+        for damaged in [Some(value[1..].to_vec()), None] {
+            write(&*engine, &key, damaged);
+            let report = check_without_content(&*engine);
+            assert!(report.n_damaged > 0, "{key:02x?}");
+        }
+        write(&*engine, &key, Some(value));
+    }
+}

@@ -6,6 +6,7 @@ mod bytes;
 mod calibrations;
 mod cluster;
 mod compaction;
+mod content;
 mod crash;
 mod damage;
 mod engines;

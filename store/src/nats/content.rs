@@ -1,0 +1,323 @@
+//! Content: values in objects of the bucket, put before a message names them and fetched when
+//! they are read first.
+//!
+//! A value's place in an object is known from the stream; following the stream fetches nothing.
+//! An object is checked against its hash, and kept in the cache (`cache`). Readers are
+//! synchronous and may wait for a fetch, within a bound; the fetch runs on the engine's own
+//! threads. Readers of one object fetch it once.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use tokio::runtime::{Handle, RuntimeFlavor};
+use uuid::Uuid;
+
+use super::bucket::{Bucket, GetFault};
+use super::cache::{Cache, Kept, Perhaps};
+use super::message::{Described, ObjectId, Part};
+use super::unit;
+use crate::engine::EngineError;
+
+/// Content of a unit in a commit from which on it is put as an object. Chosen: an object costs two
+/// more messages with their subjects, of about 500 bytes, and two more answers to wait for;
+/// of 16 KiB that is 3 %. Most blocks of maps and meshes have more, most symmetries less.
+const OBJECT_BYTES_MIN: usize = 16 << 10;
+/// Largest object. Chosen: half of the default of NATS for a message, so that an object is one
+/// chunk; and the read of one value of 4 KiB fetches no more.
+const OBJECT_BYTES_MAX: usize = 512 << 10;
+/// Time to fetch an object. Chosen: a leader's crash takes up to 9 s.
+const FETCHED_WITHIN: Duration = Duration::from_secs(15);
+/// Time after which an object that could not be put is given up, as commits are.
+const PUT_WITHIN: Duration = Duration::from_secs(60);
+/// Time after which a reader gives up if the fetch does not do so.
+const SLACK: Duration = Duration::from_secs(5);
+const PAUSE: Duration = Duration::from_millis(200);
+const READING: &str = "reading large content";
+
+/// What a store has in objects of its bucket.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ContentStats {
+    /// Number of objects that have values.
+    pub n_objects: u64,
+    /// Their bytes.
+    pub bytes: u64,
+    /// Number of objects that this process fetched.
+    pub n_fetched: u64,
+    /// Bytes of the local cache.
+    pub cached_bytes: u64,
+    /// Number of objects that were missing when the bucket was last compared with the records.
+    pub n_missing: u64,
+}
+
+/// The content of a store.
+#[derive(Debug)]
+pub(super) struct Contents {
+    pub(super) bucket: Bucket,
+    cache: Cache,
+    runtime: Handle,
+    /// Largest object, if messages of the cluster are shorter.
+    object_bytes_max: usize,
+    n_fetched: AtomicU64,
+}
+
+/// An object that the stream names.
+pub(super) struct Object {
+    pub(super) described: Described,
+    unit: Box<[u8]>,
+    contents: Arc<Contents>,
+    place: Mutex<Option<Perhaps>>,
+    /// Taken by the one who fetches.
+    turn: tokio::sync::Mutex<()>,
+}
+
+impl fmt::Debug for Object {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.debug_struct("Object").field("described", &self.described).finish_non_exhaustive()
+    }
+}
+
+impl Contents {
+    /// The content in a bucket, with a cache in `folder`; fetches run on `runtime`.
+    pub(super) fn new(bucket: Bucket, folder: &Path, runtime: Handle, payload_max: usize) -> Self {
+        let (cache, n_fetched) = (Cache::new(folder), AtomicU64::new(0));
+        let object_bytes_max = OBJECT_BYTES_MAX.min(payload_max);
+        Self { bucket, cache, runtime, object_bytes_max, n_fetched }
+    }
+
+    /// Number of objects fetched since the store was opened.
+    pub(super) fn n_fetched(&self) -> u64 {
+        self.n_fetched.load(Ordering::Relaxed)
+    }
+
+    /// Bytes of the cache.
+    pub(super) fn cached_bytes(&self) -> u64 {
+        self.cache.bytes()
+    }
+
+    /// Puts the large content of a commit, all of it before this returns; where each value is.
+    /// An error after the first object leaves objects to the sweep.
+    pub(super) async fn put(
+        &self,
+        commit: Uuid,
+        writes: &[(Vec<u8>, Option<Vec<u8>>)],
+    ) -> Result<BTreeMap<Vec<u8>, Part>, String> {
+        let mut parts = BTreeMap::new();
+        let mut number = 0;
+        for (unit, values) in large(writes) {
+            for group in groups(&values, self.object_bytes_max) {
+                let id = ObjectId { commit, number };
+                number += 1;
+                let bytes: Vec<u8> = group.iter().flat_map(|(_, value)| *value).copied().collect();
+                let (length, hash) = (bytes.len() as u32, *blake3::hash(&bytes).as_bytes());
+                self.put_one(&name(&unit, id), &bytes).await?;
+                let (object, mut at) = (Described { id, length, hash }, 0);
+                for (key, value) in group {
+                    let length = value.len() as u16;
+                    parts.insert(key.to_vec(), Part { object, at, length });
+                    at += u32::from(length);
+                }
+            }
+        }
+        Ok(parts)
+    }
+
+    async fn put_one(&self, name: &str, bytes: &[u8]) -> Result<(), String> {
+        let begun = Instant::now();
+        loop {
+            match self.bucket.put(name, bytes).await {
+                Ok(()) => return Ok(()),
+                Err(detail) if begun.elapsed() > PUT_WITHIN => {
+                    return Err(format!("cannot put the object {name}: {detail}"));
+                }
+                Err(_) => tokio::time::sleep(PAUSE).await,
+            }
+        }
+    }
+}
+
+/// Values by key.
+type Values<'commit> = BTreeMap<&'commit [u8], &'commit [u8]>;
+
+/// The content that is put as objects, by unit: the last value of each key.
+fn large(writes: &[(Vec<u8>, Option<Vec<u8>>)]) -> BTreeMap<Vec<u8>, Values<'_>> {
+    let mut units: BTreeMap<Vec<u8>, Values<'_>> = BTreeMap::new();
+    for (key, value) in writes {
+        if !unit::may_be_content(key) {
+            continue;
+        }
+        let values = units.entry(unit::of(key)).or_default();
+        match value {
+            // The index keeps an empty value at no cost.
+            Some(value) if !value.is_empty() => values.insert(key, value),
+            _ => values.remove(&key[..]),
+        };
+    }
+    units.retain(|id, values| {
+        let bytes: usize = values.values().map(|value| value.len()).sum();
+        unit::is_content(id) && bytes >= OBJECT_BYTES_MIN
+    });
+    units
+}
+
+/// Values in groups of at most `bytes_max`.
+fn groups<'commit>(
+    values: &Values<'commit>,
+    bytes_max: usize,
+) -> Vec<Vec<(&'commit [u8], &'commit [u8])>> {
+    let mut groups = vec![Vec::new()];
+    let mut bytes = 0;
+    for (key, value) in values {
+        if bytes > 0 && bytes + value.len() > bytes_max {
+            groups.push(Vec::new());
+            bytes = 0;
+        }
+        bytes += value.len();
+        groups.last_mut().expect("it begins with one group").push((*key, *value));
+    }
+    groups
+}
+
+/// The name of an object: its unit, the commit, and its number. Unique, so that the same content
+/// that is stored again is another object, and a removal never meets it.
+pub(super) fn name(unit: &[u8], ObjectId { commit, number }: ObjectId) -> String {
+    format!("{}.{}.{number}", unit::words(unit), commit.simple())
+}
+
+/// What identifies the object of a name.
+pub(super) fn id(name: &str) -> Option<ObjectId> {
+    let (rest, number) = name.rsplit_once('.')?;
+    let (_, commit) = rest.rsplit_once('.')?;
+    Some(ObjectId { commit: Uuid::try_parse(commit).ok()?, number: number.parse().ok()? })
+}
+
+impl Object {
+    pub(super) fn new(described: Described, unit: &[u8], contents: Arc<Contents>) -> Self {
+        let (unit, place, turn) = (unit.into(), Mutex::default(), tokio::sync::Mutex::new(()));
+        Self { described, unit, contents, place, turn }
+    }
+
+    /// Its name in the bucket.
+    pub(super) fn name(&self) -> String {
+        name(&self.unit, self.described.id)
+    }
+
+    /// Reads a value. Blocks until the object is fetched, or that has failed.
+    pub(super) fn read(self: &Arc<Self>, at: u32, length: u16) -> Result<Vec<u8>, EngineError> {
+        let kept = match self.kept() {
+            Some(kept) => kept,
+            None => self.wait()?,
+        };
+        let read = self.contents.cache.read(&kept, at, usize::from(length));
+        read.map_err(|error| failed(error.to_string()))
+    }
+
+    fn kept(&self) -> Option<Kept> {
+        let place = self.place.lock().unwrap_or_else(PoisonError::into_inner);
+        place.as_ref().and_then(Perhaps::kept)
+    }
+
+    fn wait(self: &Arc<Self>) -> Result<Kept, EngineError> {
+        let (object, (sender, receiver)) = (Arc::clone(self), channel());
+        self.contents.runtime.spawn(async move {
+            // The reader may have given up.
+            let _ = sender.send(object.fetch().await);
+        });
+        let wait = || match receiver.recv_timeout(FETCHED_WITHIN + SLACK) {
+            Ok(outcome) => outcome,
+            Err(RecvTimeoutError::Timeout) => Err(self.too_late()),
+            // The engine was closed.
+            Err(RecvTimeoutError::Disconnected) => Err(EngineError::Stopped),
+        };
+        // A thread that runs tasks lets another one run them meanwhile.
+        match Handle::try_current().map(|runtime| runtime.runtime_flavor()) {
+            Ok(RuntimeFlavor::MultiThread) => tokio::task::block_in_place(wait),
+            _ => wait(),
+        }
+    }
+
+    /// Brings the object into the cache.
+    pub(super) async fn fetch(&self) -> Result<Kept, EngineError> {
+        let fetched = tokio::time::timeout(FETCHED_WITHIN, self.fetch_once()).await;
+        fetched.unwrap_or_else(|_| Err(self.too_late()))
+    }
+
+    fn too_late(&self) -> EngineError {
+        let (name, bucket) = (self.name(), &self.contents.bucket.name);
+        failed(format!("{bucket} did not give object {name} within {FETCHED_WITHIN:?}"))
+    }
+
+    async fn fetch_once(&self) -> Result<Kept, EngineError> {
+        let _turn = self.turn.lock().await;
+        if let Some(kept) = self.kept() {
+            return Ok(kept);
+        }
+        let (name, bucket) = (self.name(), &self.contents.bucket);
+        let bytes = bucket.get(&name).await.map_err(|fault| {
+            failed(match fault {
+                GetFault::Missing => format!("object {name} is missing in {}", bucket.name),
+                GetFault::Failed(detail) => {
+                    format!("cannot get object {name} of {}: {detail}", bucket.name)
+                }
+            })
+        })?;
+        let Described { length, hash, .. } = self.described;
+        if bytes.len() as u64 != u64::from(length) || blake3::hash(&bytes).as_bytes() != &hash {
+            let (found, bucket) = (bytes.len(), &bucket.name);
+            return Err(failed(format!(
+                "object {name} of {bucket} is damaged: {found} bytes, expected {length} with \
+                 another hash"
+            )));
+        }
+        let contents = &self.contents;
+        let kept = contents.cache.keep(&bytes).map_err(|error| failed(error.to_string()))?;
+        contents.n_fetched.fetch_add(1, Ordering::Relaxed);
+        *self.place.lock().unwrap_or_else(PoisonError::into_inner) = Some(kept.perhaps());
+        Ok(kept)
+    }
+}
+
+fn failed(detail: String) -> EngineError {
+    EngineError::Failed { doing: READING, detail }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::key::{self, Space};
+
+    #[test]
+    fn a_name_leads_back_to_its_object() {
+        let object = ObjectId { commit: Uuid::from_u128(77), number: 3 };
+        let name = name(&key::hash(Space::Block, &[0xab; 32]), object);
+        assert_eq!(name, format!("b.{}.0000000000000000000000000000004d.3", "ab".repeat(32)));
+        assert_eq!(id(&name), Some(object));
+        for foreign in ["", "b", "b.3", "a.b.c", "report.pdf"] {
+            assert_eq!(id(foreign), None, "{foreign}");
+        }
+    }
+
+    #[test]
+    fn large_content_is_found_and_divided() {
+        let block = key::hash(Space::Block, &[1; 32]);
+        let pieces = (1..6u32).map(|piece| (key::piece(&block, piece), Some(vec![7; 4096])));
+        let mut writes: Vec<_> = pieces.collect();
+        writes.push((block.clone(), Some(Vec::new())));
+        writes.push((key::piece(&block, 9), None));
+        let small = key::hash(Space::Block, &[2; 32]);
+        writes.push((small, Some(vec![7; 4096])));
+        let session = key::id(Space::Session, Uuid::nil());
+        writes.extend((0..9).map(|piece| (key::piece(&session, piece), Some(vec![7; 4096]))));
+        let found = large(&writes);
+        assert_eq!(found.keys().collect::<Vec<_>>(), [&block], "only the large block is content");
+        let sizes: Vec<_> = groups(&found[&block], 9000).iter().map(Vec::len).collect();
+        assert_eq!(sizes, [2, 2, 1]);
+        // What a later write of the commit takes back is not put.
+        writes.extend((2..6u32).map(|piece| (key::piece(&block, piece), None)));
+        assert_eq!(large(&writes).len(), 0);
+    }
+}

@@ -1,0 +1,33 @@
+//! Cuts of a store on a cluster: the index at one moment, whose values are read later.
+//!
+//! Content that is removed meanwhile can be read for as long as the bucket keeps it.
+
+use super::index::{Located, read_all};
+use super::spool::Stored;
+use crate::engine::{Cut, EngineError, Found, Pair};
+
+/// Pairs that are still to be returned.
+pub(super) struct NatsCut(std::vec::IntoIter<Located>);
+
+impl NatsCut {
+    pub(super) fn new(pairs: Vec<Located>) -> Self {
+        Self(pairs.into_iter())
+    }
+}
+
+impl Cut for NatsCut {
+    fn next(&mut self, limit: usize) -> Result<Vec<Pair>, EngineError> {
+        read_all(self.0.by_ref().take(limit).collect())
+    }
+
+    fn next_here(&mut self, limit: usize) -> Result<Vec<(Vec<u8>, Found)>, EngineError> {
+        let found = self.0.by_ref().take(limit).map(|(key, value)| {
+            let found = match &value {
+                Stored::Content { length, .. } => Found::Elsewhere(usize::from(*length)),
+                Stored::Memory(_) | Stored::File { .. } => Found::Value(value.read()?),
+            };
+            Ok((key.to_vec(), found))
+        });
+        found.collect()
+    }
+}
