@@ -4,9 +4,11 @@
 
 A folder with a trained catalogue is copied to the cluster, and back. A simulated robot explores an
 object on a server of the folder; its readings are then sent through two servers of the cluster, in
-turn and at the same time, with a crash of one of them. The beliefs must be equal.
+turn and at the same time, with a crash of one of them. The beliefs must be equal. Snapshots of the
+cluster go to an object store and come back.
 """
 
+import json
 import signal
 import threading
 import time
@@ -90,7 +92,25 @@ def run(folder, address, servers):
         add(second, crossed, [reading])
     assert belief(second, crossed) == expected, "after a crash: another belief"
     print("a killed server's session went on with the other one: equal beliefs")
+    snapshots(f"{address}/backup", folder, second)
     servers.expect_no_panic()
+
+
+def snapshots(place, folder, server):
+    """Snapshots of a server on the cluster, in an object store of the same cluster."""
+    names = []
+    for _ in range(3):
+        answer = json.loads(palpate("snapshot", "backup", place, "--keep", "2", "--json", server=server))
+        names.append(answer["name"])
+        time.sleep(1.1)
+    listed = json.loads(palpate("snapshot", "list", place, "--json"))
+    assert [one["name"] for one in listed] == names[1:], listed
+    assert answer["removed"] == names[:1] and answer["kept"] == names[1:], answer
+    verified = palpate("snapshot", "verify", f"{place}/{names[2]}")
+    assert "0 damaged" in verified, verified
+    palpate("snapshot", "restore", f"{place}/{names[2]}", "--data", f"{folder}/restored")
+    checked = palpate("fsck", "--data", f"{folder}/restored")
+    print(f"snapshots in an object store: {verified.strip()}; restored: {checked.strip()}")
 
 
 if __name__ == "__main__":

@@ -21,6 +21,7 @@ mod lanes;
 mod shared;
 mod publish;
 mod setup;
+pub mod snapshots;
 mod follow;
 mod writer;
 mod cut;

@@ -2,24 +2,27 @@
 //! verified and restored without it.
 
 mod backup;
+mod bucket;
 
 use std::fs::{self, File};
 use std::io::{BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{Context as _, bail};
+use anyhow::{Context as _, anyhow, bail};
 use clap::{Args, Subcommand, ValueEnum};
 use futures::StreamExt;
 use palpate_client::Client;
 use palpate_store::access::AccessKey;
 use palpate_store::database::Database;
 use palpate_store::fsck::Report;
+use palpate_store::nats::snapshots::StoredSnapshot;
 use palpate_store::private;
 use palpate_store::sled::{SledEngine, SledOptions};
 use palpate_store::snapshot::{KeysFrom, SnapshotManifest, keys, restore, verify};
 use serde_json::{Value, json};
 
+use crate::cluster::ClusterArgs;
 use crate::commands::Context;
 use crate::commands::fsck::findings;
 use crate::exit::Ended;
@@ -30,6 +33,8 @@ use crate::output::Output;
 #[command(after_help = "Examples:\n  palpate snapshot create monday.snapshot\n  \
     palpate snapshot verify monday.snapshot\n  \
     palpate snapshot backup /var/backups/palpate --keep 14\n  \
+    palpate snapshot backup nats://10.0.0.1:4222/backup --keep 14\n  \
+    palpate snapshot list nats://10.0.0.1:4222/backup\n  \
     palpate snapshot restore monday.snapshot --data ./restored --keys newer \
     --current ./palpate-data\n  \
     palpate serve --data ./restored")]
@@ -45,25 +50,40 @@ enum Action {
         /// File to write; it must not exist.
         file: PathBuf,
     },
-    /// Take a snapshot of a running server into a folder, named by its time, and remove the oldest
-    /// ones there. Nothing is removed unless the new one is complete and undamaged.
+    /// Take a snapshot of a running server into a folder, or into an object store of a NATS cluster,
+    /// named by its time, and remove the oldest ones there. Nothing is removed unless the new one is
+    /// complete and undamaged.
     Backup {
-        /// Folder of the snapshots; created if missing.
+        /// Folder of the snapshots, or nats://HOST:PORT/NAME for the object store NAME-snapshots;
+        /// created if missing.
         folder: PathBuf,
         /// Number of snapshots to keep, the new one included.
         #[arg(long, value_name = "N", default_value_t = 14,
             value_parser = clap::value_parser!(u32).range(1..=100_000))]
         keep: u32,
+        #[command(flatten)]
+        cluster: ClusterArgs,
+    },
+    /// List the snapshots in an object store of a NATS cluster.
+    List {
+        /// nats://HOST:PORT/NAME, as for backup.
+        place: PathBuf,
+        #[command(flatten)]
+        cluster: ClusterArgs,
     },
     /// Verify a snapshot: read all of it and check every record.
     Verify {
-        /// Snapshot file.
+        /// Snapshot file, or nats://HOST:PORT/NAME/SNAPSHOT.
         file: PathBuf,
+        #[command(flatten)]
+        cluster: ClusterArgs,
     },
     /// Restore a snapshot into a new folder for `palpate serve`.
     Restore {
-        /// Snapshot file.
+        /// Snapshot file, or nats://HOST:PORT/NAME/SNAPSHOT.
         file: PathBuf,
+        #[command(flatten)]
+        cluster: ClusterArgs,
         /// Folder to write to; it must not exist, or be empty.
         #[arg(long, value_name = "DIR")]
         data: PathBuf,
@@ -101,16 +121,31 @@ pub(crate) async fn run(
             let (manifest, report) = create(&file, &context()?.client).await?;
             said(&manifest, &report, output)
         }
-        Action::Backup { folder, keep } => {
+        Action::Backup { folder, keep, cluster } if bucket::is_on_cluster(&folder) => {
+            back_up_on_cluster(folder, cluster, keep as usize, &context()?.client, output).await
+        }
+        Action::List { place, cluster } => {
+            let stored = blocking(move || list(&place, &cluster)).await?;
+            let answer = stored.iter().map(|one| json!({"name": one.name, "bytes": one.bytes}));
+            output.answer(&json!(answer.collect::<Vec<_>>()), |_| lines(&stored))
+        }
+        Action::Backup { folder, keep, .. } => {
             back_up(&folder, keep as usize, &context()?.client, output).await
         }
-        Action::Verify { file } => {
-            let (manifest, report) = blocking(move || verified(&file)).await?;
+        Action::Verify { file, cluster } => {
+            let verify = move || {
+                let (file, _folder) = bucket::local(&file, &cluster)?;
+                verified(&file)
+            };
+            let (manifest, report) = blocking(verify).await?;
             said(&manifest, &report, output)
         }
-        Action::Restore { file, data, keys, current } => {
-            let (manifest, held) =
-                blocking(move || restored(&file, &data, keys, current.as_deref())).await?;
+        Action::Restore { file, cluster, data, keys, current } => {
+            let restore = move || {
+                let (file, _folder) = bucket::local(&file, &cluster)?;
+                restored(&file, &data, keys, current.as_deref())
+            };
+            let (manifest, held) = blocking(restore).await?;
             let mut answer = shown(&manifest);
             answer["keys"] = json!(held.iter().map(|key| &key.name).collect::<Vec<_>>());
             output.answer(&answer, |_| {
@@ -171,6 +206,48 @@ async fn back_up(
         let (megabytes, n_removed) = (manifest.bytes as f64 / 1e6, removed.len());
         format!("{}: {megabytes:.1} MB, whole; {n_removed} old files removed", file.display())
     })
+}
+
+/// Takes a snapshot into an object store and removes the oldest ones.
+async fn back_up_on_cluster(
+    place: PathBuf,
+    cluster: ClusterArgs,
+    keep: usize,
+    client: &Client,
+    output: Output,
+) -> anyhow::Result<()> {
+    let bucket = blocking(move || bucket::open(&place, &cluster)).await?;
+    let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
+    let name = backup::name();
+    let file = folder.path().join(&name);
+    let (manifest, report) = create(&file, client).await?;
+    if report.n_damaged > 0 {
+        return said(&manifest, &report, output);
+    }
+    let mut answer = shown(&manifest);
+    let stored = name.clone();
+    let keeping = move || bucket::keep(&bucket, (&file, &stored), &manifest, keep);
+    let (removed, left) = blocking(keeping).await?;
+    answer["name"] = json!(name);
+    answer["removed"] = json!(removed);
+    answer["kept"] = json!(left.iter().map(|stored| &stored.name).collect::<Vec<_>>());
+    output.answer(&answer, |_| {
+        let (n_removed, kept) = (removed.len(), lines(&left));
+        format!("{name}: stored and read back; {n_removed} old ones removed\n{kept}")
+    })
+}
+
+fn list(place: &Path, cluster: &ClusterArgs) -> anyhow::Result<Vec<StoredSnapshot>> {
+    if !bucket::is_on_cluster(place) {
+        bail!("{} is no object store, expected nats://HOST:PORT/NAME", place.display());
+    }
+    bucket::open(place, cluster)?.list().map_err(|fault| anyhow!(fault))
+}
+
+/// Snapshots, one a line.
+fn lines(stored: &[StoredSnapshot]) -> String {
+    let line = |one: &StoredSnapshot| format!("{}  {:.1} MB", one.name, one.bytes as f64 / 1e6);
+    stored.iter().map(line).collect::<Vec<_>>().join("\n")
 }
 
 async fn receive(part: &Path, client: &Client) -> anyhow::Result<()> {

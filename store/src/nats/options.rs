@@ -9,6 +9,8 @@ pub(super) const SPOKEN: &str = "palpate-members";
 const STREAM: &str = "palpate";
 /// What the bucket's name has behind the stream's.
 const CONTENT: &str = "-content";
+/// What the name of the bucket of snapshots has behind that of an address.
+const SNAPSHOTS: &str = "-snapshots";
 /// Time for which removed content is kept. Chosen: a snapshot or a copy of a store of some
 /// hundred GB is read within an hour.
 const REMOVED_KEPT: Duration = Duration::from_secs(3600);
@@ -82,6 +84,11 @@ impl NatsOptions {
     /// Name of the bucket with large content.
     pub(super) fn bucket(&self) -> String {
         format!("{}{CONTENT}", self.stream)
+    }
+
+    /// Name of the bucket with snapshots.
+    pub(super) fn snapshots(&self) -> String {
+        format!("{}{SNAPSHOTS}", self.stream)
     }
 }
 

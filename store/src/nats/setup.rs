@@ -19,12 +19,12 @@ use crate::engine::opening::OpenError;
 /// First version of the servers that has atomic batches.
 const VERSION_MIN: (u32, u32) = (2, 12);
 /// Copies that survive the loss of a server.
-const REPLICAS: usize = 3;
+pub(super) const REPLICAS: usize = 3;
 /// Bytes of a message's subject and headers, at most.
 const HEADERS_BYTES: usize = 2048;
 const CONNECT_WITHIN: Duration = Duration::from_secs(10);
 /// Time to an answer after which a message is sent again.
-const ANSWER_WITHIN: Duration = Duration::from_secs(5);
+pub(super) const ANSWER_WITHIN: Duration = Duration::from_secs(5);
 /// Number of messages of the test that claim the same place.
 const N_CLAIMS: usize = 8;
 /// Time after which messages of the test vanish, as a header has it.

@@ -9,6 +9,7 @@ use palpate_store::database::Database;
 use palpate_store::engine::{Commit, CommitError, Engine, Expected, Pair};
 use palpate_store::key::{self, Space};
 use palpate_store::nats::NatsEngine;
+use palpate_store::nats::snapshots::Snapshots;
 use uuid::Uuid;
 
 use crate::cluster::{Cluster, Store, store};
@@ -262,4 +263,28 @@ fn one_server_without_a_cluster_serves_and_a_lost_one_is_named() {
     assert!(error.contains(&store.options.servers[0]), "{error}");
     cluster.order("start", 0);
     assert_eq!(all(&store.open()), [(b"a".to_vec(), vec![1])]);
+}
+
+#[test]
+fn snapshots_are_kept_in_an_object_store() {
+    let Some(store) = store() else { return };
+    let snapshots = Snapshots::open(&store.options).unwrap();
+    assert_eq!(snapshots.list().unwrap(), []);
+    let folder = tempfile::tempdir().unwrap();
+    let (file, copy) = (folder.path().join("file"), folder.path().join("copy"));
+    for (name, bytes) in [("b.snapshot", 700_000), ("a.snapshot", 5)] {
+        std::fs::write(&file, samples::mesh_file(bytes)).unwrap();
+        snapshots.put(name, &file).unwrap();
+    }
+    let listed = Snapshots::open(&store.options).unwrap().list().unwrap();
+    let listed: Vec<_> = listed.iter().map(|one| (one.name.as_str(), one.bytes)).collect();
+    assert_eq!(listed, [("a.snapshot", 5), ("b.snapshot", 700_000)]);
+    snapshots.get("b.snapshot", std::fs::File::create(&copy).unwrap()).unwrap();
+    assert!(std::fs::read(&copy).unwrap() == samples::mesh_file(700_000), "another file");
+    snapshots.remove_interrupted("b.snapshot").unwrap();
+    snapshots.remove("b.snapshot").unwrap();
+    snapshots.remove("b.snapshot").unwrap();
+    let gone = snapshots.get("b.snapshot", std::fs::File::create(&copy).unwrap()).unwrap_err();
+    assert!(gone.contains("b.snapshot") && gone.contains(snapshots.bucket()), "{gone}");
+    assert_eq!(snapshots.list().unwrap().len(), 1);
 }

@@ -24,24 +24,31 @@ pub(super) fn name() -> String {
 /// written and stays even if the clock was set back. Returns the removed files.
 pub(super) fn prune(folder: &Path, newest: &str, keep: usize) -> anyhow::Result<Vec<PathBuf>> {
     let context = || format!("cannot remove old snapshots in {}", folder.display());
-    let (mut older, mut removed) = (Vec::new(), Vec::new());
+    let (mut names, mut removed) = (Vec::new(), Vec::new());
     for entry in fs::read_dir(folder).with_context(context)? {
         let entry = entry.with_context(context)?;
         let name = entry.file_name();
         let Some(name) = name.to_str().filter(|name| *name != newest) else { continue };
-        if is_named(name, END) {
-            older.push(entry.path());
-        } else if is_named(name, PART) {
+        if is_named(name, PART) {
             removed.push(entry.path());
+        } else {
+            names.push(name.to_owned());
         }
     }
-    older.sort();
-    let n_old = (older.len() + 1).saturating_sub(keep);
-    removed.extend(older.into_iter().take(n_old));
+    removed.extend(surplus(names, newest, keep).into_iter().map(|name| folder.join(name)));
     for file in &removed {
         fs::remove_file(file).with_context(context)?;
     }
     Ok(removed)
+}
+
+/// The names of the snapshots that go when the newest `keep` stay.
+pub(super) fn surplus(names: Vec<String>, newest: &str, keep: usize) -> Vec<String> {
+    let is_older = |name: &String| name != newest && is_named(name, END);
+    let mut older: Vec<String> = names.into_iter().filter(is_older).collect();
+    older.sort();
+    older.truncate((older.len() + 1).saturating_sub(keep));
+    older
 }
 
 /// Whether a name is one that a backup gives.
