@@ -22,10 +22,22 @@ async fn servers_hear_each_other_and_answer_questions() {
     let Some(store) = store() else { return };
     let engine = tokio::task::spawn_blocking(move || (store.open(), store)).await.unwrap();
     let (mut one, mut two) = (open(&engine.0, 1).await, open(&engine.0, 2).await);
-    one.speaker.tell(b"here".to_vec()).await.unwrap();
-    for line in [&mut one, &mut two] {
-        let told = tokio::time::timeout(PATIENCE.answered, line.told.recv()).await.unwrap();
-        assert_eq!(told.as_deref(), Some(&b"here"[..]));
+    // Servers of the cluster tell each other later who listens, so that it is told more than once.
+    let telling = async {
+        loop {
+            one.speaker.tell(b"here".to_vec()).await.unwrap();
+            tokio::time::sleep(Duration::from_millis(200)).await;
+        }
+    };
+    let hearing = async {
+        for told in [&mut one.told, &mut two.told] {
+            let told = tokio::time::timeout(PATIENCE.answered, told.recv()).await.unwrap();
+            assert_eq!(told.as_deref(), Some(&b"here"[..]));
+        }
+    };
+    tokio::select! {
+        () = telling => {}
+        () = hearing => {}
     }
     // Three and a half frames of the servers' largest payload, and nothing.
     for length in [3_670_016, 0] {
