@@ -3,10 +3,10 @@
 //! One stream holds messages, each with the writes of a commit to one unit of keys (`unit`). A
 //! follower applies them to an index of all keys (`index`), whose values lie in temporary local
 //! files (`spool`): reads and scans are local. Large content that is written once is in objects of
-//! a bucket beside the stream (`bucket`), and is fetched when it is read (`content`). A commit publishes one message, or one atomic
-//! batch, that expects the last sequence of each unit (`plan`); it is acknowledged when the
-//! stream has delivered it to this process, so that one's own writes are seen. A reader may be
-//! behind the writes of other servers, a commit never.
+//! a bucket beside the stream (`bucket`), and is fetched when it is read (`content`). A commit
+//! publishes one message, or one atomic batch, that expects the last sequence of each unit
+//! (`plan`); it is acknowledged when the stream has delivered it to this process, so that one's
+//! own writes are seen. A reader may be behind the writes of other servers, a commit never.
 
 mod message;
 pub mod options;

@@ -1,8 +1,9 @@
 //! Questions to several members at once: one message to each with all its blocks, the first copy
 //! first.
 //!
-//! When a member has no answer for a block, the next one is asked at once. When it takes long, the
-//! next one is asked as well, and the first answer counts: all are equal bit for bit.
+//! If a member cannot answer for a block, the block's next holder is asked at once. If a member takes
+//! long, the next holder is asked as well, and the first answer counts: all answers are equal bit for
+//! bit.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;

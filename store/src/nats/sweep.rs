@@ -1,11 +1,11 @@
 //! The sweep: removes objects that no message names any more.
 //!
-//! An object that lost its last value stays for a while, so that cuts and readers of any server
-//! can still read it. Then the server whose commit it was removes it. What a crash leaves, an
-//! object whose message was never published or that was not removed, is found by comparing the
-//! bucket with the index, by one server at a time: it is removed when the same server has found
-//! it without a name twice, at least that while apart. No message names an object again that no
-//! message named for so long: a commit is published within minutes after its objects were put.
+//! An object that lost its last value stays for an hour (`removed_kept`), so that cuts and readers
+//! of any server can still read it. Then the server whose commit removed the value removes the
+//! object. A crash leaves an object whose message was never published, or that was not removed.
+//! One server at a time finds these by comparing the bucket with the index. It removes an object
+//! that it found unnamed twice, at least `removed_kept` apart. No message can name such an object
+//! later: a commit is published within minutes after its objects were put.
 
 use std::collections::{HashMap, HashSet};
 use std::sync::atomic::Ordering;
@@ -18,9 +18,10 @@ use super::publish::Publisher;
 use super::shared::Shared;
 use super::writer;
 
-/// Share of the time that removed content is kept, after which it is looked for what is due.
+/// The sweep looks for what is due this many times while removed content is kept. Chosen: content
+/// stays at most a quarter longer.
 const LOOK_SHARE: u32 = 4;
-/// Comparisons of the whole bucket come after this many times as long. Chosen: each reads
+/// The whole bucket is compared once in this many times `removed_kept`. Chosen: a comparison reads
 /// the names of all objects, and crashes are rare.
 const COMPARE_SHARE: u32 = 6;
 /// Shortest pause.

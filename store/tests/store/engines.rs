@@ -30,7 +30,8 @@ fn check(law: impl Fn(&dyn Engine)) {
     }
 }
 
-/// A block of so many pieces, and the commit that writes it; its first piece is under its key.
+/// The key of a block of `n_pieces` full pieces, and the commit that writes all of them. The first
+/// piece is the value of that key.
 pub(crate) fn large(number: u64, n_pieces: u32) -> (Vec<u8>, Commit) {
     let mut hash = [7; 32];
     hash[..8].copy_from_slice(&number.to_be_bytes());

@@ -22,7 +22,8 @@ async fn servers_hear_each_other_and_answer_questions() {
     let Some(store) = store() else { return };
     let engine = tokio::task::spawn_blocking(move || (store.open(), store)).await.unwrap();
     let (mut one, mut two) = (open(&engine.0, 1).await, open(&engine.0, 2).await);
-    // Servers of the cluster tell each other later who listens, so that it is told more than once.
+    // A NATS server drops a message while it does not know yet that another one has a listener, so
+    // the word is repeated.
     let telling = async {
         loop {
             one.speaker.tell(b"here".to_vec()).await.unwrap();
