@@ -10,6 +10,9 @@ pub const NEAR: (f64, f64) = (0.012, 0.44);
 /// What lost a session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cause {
+    /// From the true pose the object wins, the search left no pose near it, and the object is on
+    /// no list of candidates.
+    Retrieval,
     /// From the true pose the object wins, and the search left no pose near it.
     Proposal,
     /// The same, and it left one.
@@ -28,10 +31,17 @@ pub enum Cause {
 
 impl Cause {
     /// The causes where no session can end with "none of these".
-    pub const AMONG_OBJECTS: [Self; 6] =
-        [Self::Proposal, Self::Refinement, Self::Map, Self::Mesh, Self::Likelihood, Self::Open];
+    pub const AMONG_OBJECTS: [Self; 7] = [
+        Self::Retrieval,
+        Self::Proposal,
+        Self::Refinement,
+        Self::Map,
+        Self::Mesh,
+        Self::Likelihood,
+        Self::Open,
+    ];
 
-    /// All causes.
+    /// The causes with "none of these", in catalogues without lists of candidates.
     pub const ALL: [Self; 7] = [
         Self::Proposal,
         Self::Refinement,
@@ -46,6 +56,7 @@ impl Cause {
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
+            Self::Retrieval => "retrieval",
             Self::Proposal => "proposal",
             Self::Refinement => "refinement",
             Self::Map => "map",

@@ -2,8 +2,9 @@
 //!
 //! After some number of touches every examined wrong session is repeated from the truth. If the
 //! true object then has more evidence than every other, the search lost it: by *refinement* if
-//! a pose near the true one was left and only its place was not exact, else by *proposal* (after
-//! two touches: not all pairs were compared). Otherwise the true object and its strongest rivals
+//! a pose near the true one was left and only its place was not exact, else by *retrieval* if the
+//! object is on no list of candidates, else by *proposal* (after two touches: not all pairs were
+//! compared). Otherwise the true object and its strongest rivals
 //! get a *map* of four times as many touches, with the same widths of kernel, and then the *mesh*
 //! itself as their map. What still loses is the *likelihood*'s. From the third touch on rivals
 //! keep the poses that the search gave them; all poses are refined on the map in question. Finer
@@ -54,6 +55,8 @@ struct Lost {
     found: f64,
     /// Whether the search has left a pose near the true one.
     is_near: bool,
+    /// Whether the object is a candidate by its retrieval score; `None` in a small catalogue.
+    is_candidate: Option<bool>,
     /// From the true pose.
     search: Option<f64>,
     /// From the true pose on maps of four times as many touches; `None` if not needed.
@@ -70,6 +73,7 @@ impl Lost {
     fn cause(&self) -> Cause {
         let wins = |margin: Option<f64>| margin.is_some_and(|margin| margin > 0.0);
         match (wins(self.search), self.is_near, self.map, self.mesh) {
+            (true, false, ..) if self.is_candidate == Some(false) => Cause::Retrieval,
             (true, false, ..) => Cause::Proposal,
             (true, true, ..) => Cause::Refinement,
             (false, _, None, None) => Cause::Open,
@@ -192,8 +196,20 @@ impl<'a> Examined<'a> {
         rivals.truncate(RIVALS);
         let found = evidence[object] - evidence[rivals[0]];
         let is_near = belief.has_pose_near(index(object), &truth, NEAR.0, NEAR.1);
+        let is_candidate = belief.is_candidate(index(object));
         let (search, map, mesh) = (None, None, None);
-        let lost = Lost { readings, trial, found, is_near, search, map, mesh, object, rivals };
+        let lost = Lost {
+            readings,
+            trial,
+            found,
+            is_near,
+            is_candidate,
+            search,
+            map,
+            mesh,
+            object,
+            rivals,
+        };
         let own = |index: usize| self.model.maps().get(index).map(|map| &**map);
         let search = self.margin(&lost, own)?;
         Ok(search.map(|margin| Lost { search: Some(margin), ..lost }))
@@ -232,6 +248,7 @@ mod tests {
             trial: 0,
             found: -1.0,
             is_near,
+            is_candidate: Some(true),
             search: Some(search),
             map: Some(map),
             mesh: Some(mesh),
@@ -239,6 +256,9 @@ mod tests {
             rivals: vec![1],
         };
         assert_eq!(lost(false, [0.1, 1.0, 1.0]).cause(), Cause::Proposal);
+        let unlisted = |is_near| Lost { is_candidate: Some(false), ..lost(is_near, [0.1; 3]) };
+        assert_eq!(unlisted(false).cause(), Cause::Retrieval);
+        assert_eq!(unlisted(true).cause(), Cause::Refinement);
         assert_eq!(lost(true, [0.1, 1.0, 1.0]).cause(), Cause::Refinement);
         assert_eq!(lost(true, [-0.1, 1.0, -1.0]).cause(), Cause::Map);
         assert_eq!(lost(true, [-0.1, -1.0, 1.0]).cause(), Cause::Mesh);

@@ -10,8 +10,10 @@ use palpate_core::pose::Pose;
 
 use super::SurfaceBelief;
 use crate::belief::common::Common;
+use crate::belief::object::n_searched;
 use crate::belief::pair_weight::{pair_evidence, usual_density};
 use crate::belief::posterior::{Explained, log_posterior};
+use crate::belief::retrieval::{n_candidates, retrieval_bar};
 use crate::belief::stage::Stage;
 use crate::model::SurfaceMap;
 use crate::observe::observation::Observation;
@@ -72,6 +74,23 @@ impl SurfaceBelief {
         objects[index].log_evidence = log_evidence;
         let logs = log_posterior(&self.common, &Explained { objects: &objects, ..of });
         logs[index] - logs[objects.len()]
+    }
+
+    /// Whether the object is a candidate by its retrieval score (equation R19) while no pose is
+    /// likely; `None` in a small catalogue and before the second touch.
+    #[must_use]
+    pub fn is_candidate(&self, object: ObjectIdx) -> Option<bool> {
+        let Explained { touches, objects, .. } = self.leading().explained();
+        if !self.common.model.is_large() || touches.len() < 2 {
+            return None;
+        }
+        let (budget, n) = (&self.common.options.budget, n_searched(objects));
+        let n_listed = match touches.len() {
+            2 => budget.n_listed(n).min(budget.many.listed_for_pair),
+            later => n_candidates(budget, n, later, true),
+        };
+        let score = objects.get(object.0 as usize)?.retrieval_score;
+        Some(score >= retrieval_bar(objects, n_listed))
     }
 
     /// Whether a pose of an object that the search has left lies within `distance` (m) and
@@ -193,6 +212,23 @@ mod tests {
         // No other object has evidence, so a nat more raises the odds by 1 / temperature.
         let temperature = belief.model().calibration.stages[2].temperature;
         assert!((odds(own + 1.0) - odds(own) - 1.0 / temperature).abs() < 0.05);
+    }
+
+    #[test]
+    fn the_touched_object_is_a_candidate_of_a_large_catalogue() {
+        assert_eq!(touched(3).is_candidate(ObjectIdx(0)), None, "two objects have no lists");
+        let all: Vec<_> = (0..40).map(|index| places(60, index)).collect();
+        let mut options = SurfaceOptions::default();
+        options.budget.many.listed_per_root = 1;
+        let mut belief = SurfaceBelief::new(model_of(&all), options, None).unwrap();
+        for place in [3, 30, 50].map(|touch| &all[2][touch]) {
+            let touch = Some(seen(place, &some_pose(5)));
+            let observed = Observed { touch, spaces: Vec::new() };
+            belief.rest.add(&belief.common, &observed, true);
+        }
+        let listed = (0..40).filter(|n| belief.is_candidate(ObjectIdx(*n)) == Some(true));
+        let listed: Vec<u32> = listed.collect();
+        assert!(listed.contains(&2) && listed.len() == 7, "{listed:?}");
     }
 
     #[test]
