@@ -13,6 +13,7 @@ pub mod options;
 mod unit;
 mod bucket;
 mod cache;
+mod counts;
 mod content;
 mod spool;
 mod index;
@@ -41,6 +42,7 @@ use futures::channel::oneshot;
 use tokio::runtime::{Builder, Runtime};
 use uuid::Uuid;
 
+use crate::engine::content::ContentStats;
 use crate::engine::lease::{Lease, Leasing};
 use crate::engine::line::OpeningLine;
 use crate::engine::news::News;
@@ -49,7 +51,6 @@ use crate::engine::{
     Commit, CommitError, Compacted, Cut, Engine, EngineError, EngineStats, Pair, Pending, Reading,
 };
 use crate::key::Space;
-pub use content::ContentStats;
 use content::Contents;
 use cut::NatsCut;
 use index::{Index, read_all};
@@ -161,18 +162,10 @@ impl NatsEngine {
         pending
     }
 
-    /// What the store has in objects of its bucket, and what of it was fetched.
+    /// What the store has in objects of its bucket, and what became of it here.
     #[must_use]
     pub fn content(&self) -> ContentStats {
-        let Desk { contents, shared, .. } = &*self.desk;
-        let index = shared.index();
-        ContentStats {
-            n_objects: index.objects().count() as u64,
-            bytes: index.content_bytes,
-            n_fetched: contents.n_fetched(),
-            cached_bytes: contents.cached_bytes(),
-            n_missing: shared.missing.load(Ordering::Relaxed),
-        }
+        self.desk.shared.index().content()
     }
 
     /// Removes content that nothing names any more. Blocks.
@@ -365,6 +358,8 @@ impl Engine for NatsEngine {
             reserve_bytes: 0,
             commits: shared.commits.load(Ordering::Relaxed),
             flushes: shared.batches.load(Ordering::Relaxed),
+            received_bytes: self.desk.publisher.received_bytes(),
+            content: index.content(),
         })
     }
 }

@@ -12,6 +12,7 @@ use super::content::{Contents, Object};
 use super::message::{Message, ObjectId, PART_BYTES, Part, Value};
 use super::spool::{Spool, Stored};
 use super::unit::{self, Keys};
+use crate::engine::content::ContentStats;
 use crate::engine::{EngineError, Pair};
 use crate::holding::Held;
 
@@ -165,12 +166,19 @@ impl Index {
         }
         let Counted { object, .. } = self.objects.remove(&id)?;
         self.content_bytes -= u64::from(object.described.length);
+        object.release();
         Some(object)
     }
 
     /// Whether an object has values.
     pub(super) fn has_object(&self, id: ObjectId) -> bool {
         self.objects.get(&id).is_some_and(|counted| counted.n_keys > 0)
+    }
+
+    /// What there is in objects, and what was counted of it.
+    pub(super) fn content(&self) -> ContentStats {
+        let n_objects = self.objects.len() as u64;
+        ContentStats { n_objects, bytes: self.content_bytes, ..self.contents.stats() }
     }
 
     /// The objects that have values.
