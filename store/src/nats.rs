@@ -120,7 +120,7 @@ impl NatsEngine {
             let publisher = Arc::new(publisher);
             let contents = Contents::new(
                 bucket,
-                &options.spool,
+                options,
                 runtime.handle().clone(),
                 publisher.payload_max,
             );

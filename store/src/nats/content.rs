@@ -8,7 +8,6 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
-use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -21,14 +20,11 @@ use super::bucket::{Bucket, GetFault};
 use super::cache::{Cache, Kept, Perhaps};
 use super::counts::Counts;
 use super::message::{Described, ObjectId, Part};
+use super::options::NatsOptions;
 use super::unit;
 use crate::engine::EngineError;
 use crate::engine::content::ContentStats;
 
-/// Content of a unit in a commit from which on it is put as an object. Chosen: an object costs two
-/// more messages with their subjects, of about 500 bytes, and two more answers to wait for;
-/// of 16 KiB that is 3 %. Most blocks of maps and meshes have more, most symmetries less.
-const OBJECT_BYTES_MIN: usize = 16 << 10;
 /// Largest object. Chosen: half of the default of NATS for a message, so that an object is one
 /// chunk; and the read of one value of 4 KiB fetches no more.
 const OBJECT_BYTES_MAX: usize = 512 << 10;
@@ -47,6 +43,8 @@ pub(super) struct Contents {
     pub(super) bucket: Bucket,
     cache: Cache,
     runtime: Handle,
+    /// Content of a unit in a commit from which on it is put.
+    bytes_min: usize,
     /// Largest object, if messages of the cluster are shorter.
     object_bytes_max: usize,
     pub(super) counts: Counts,
@@ -79,11 +77,17 @@ impl fmt::Debug for Object {
 }
 
 impl Contents {
-    /// The content in a bucket, with a cache in `folder`; fetches run on `runtime`.
-    pub(super) fn new(bucket: Bucket, folder: &Path, runtime: Handle, payload_max: usize) -> Self {
-        let (cache, counts) = (Cache::new(folder), Counts::default());
+    /// The content in a bucket, with a cache in the folder of the spool; fetches run on `runtime`.
+    pub(super) fn new(
+        bucket: Bucket,
+        options: &NatsOptions,
+        runtime: Handle,
+        payload_max: usize,
+    ) -> Self {
+        let (cache, counts) = (Cache::new(&options.spool), Counts::default());
+        let bytes_min = options.content_bytes_min;
         let object_bytes_max = OBJECT_BYTES_MAX.min(payload_max);
-        Self { bucket, cache, runtime, object_bytes_max, counts }
+        Self { bucket, cache, runtime, bytes_min, object_bytes_max, counts }
     }
 
     /// What was counted, without what the index knows.
@@ -100,7 +104,7 @@ impl Contents {
     ) -> Result<BTreeMap<Vec<u8>, Part>, String> {
         let mut parts = BTreeMap::new();
         let mut number = 0;
-        for (unit, values) in large(writes) {
+        for (unit, values) in large(writes, self.bytes_min) {
             for group in groups(&values, self.object_bytes_max) {
                 let id = ObjectId { commit, number };
                 number += 1;
@@ -139,7 +143,7 @@ impl Contents {
 type Values<'commit> = BTreeMap<&'commit [u8], &'commit [u8]>;
 
 /// The content that is put as objects, by unit: the last value of each key.
-fn large(writes: &[(Vec<u8>, Option<Vec<u8>>)]) -> BTreeMap<Vec<u8>, Values<'_>> {
+fn large(writes: &[(Vec<u8>, Option<Vec<u8>>)], bytes_min: usize) -> BTreeMap<Vec<u8>, Values<'_>> {
     let mut units: BTreeMap<Vec<u8>, Values<'_>> = BTreeMap::new();
     for (key, value) in writes {
         if !unit::may_be_content(key) {
@@ -154,7 +158,7 @@ fn large(writes: &[(Vec<u8>, Option<Vec<u8>>)]) -> BTreeMap<Vec<u8>, Values<'_>>
     }
     units.retain(|id, values| {
         let bytes: usize = values.values().map(|value| value.len()).sum();
-        unit::is_content(id) && bytes >= OBJECT_BYTES_MIN
+        unit::is_content(id) && bytes >= bytes_min
     });
     units
 }
@@ -318,6 +322,7 @@ fn failed(detail: String) -> EngineError {
 mod tests {
     use super::*;
     use crate::key::{self, Space};
+    use crate::nats::options::CONTENT_BYTES_MIN;
 
     #[test]
     fn a_name_leads_back_to_its_object() {
@@ -341,12 +346,12 @@ mod tests {
         writes.push((small, Some(vec![7; 4096])));
         let session = key::id(Space::Session, Uuid::nil());
         writes.extend((0..9).map(|piece| (key::piece(&session, piece), Some(vec![7; 4096]))));
-        let found = large(&writes);
+        let found = large(&writes, CONTENT_BYTES_MIN);
         assert_eq!(found.keys().collect::<Vec<_>>(), [&block], "only the large block is content");
         let sizes: Vec<_> = groups(&found[&block], 9000).iter().map(Vec::len).collect();
         assert_eq!(sizes, [2, 2, 1]);
         // What a later write of the commit takes back is not put.
         writes.extend((2..6u32).map(|piece| (key::piece(&block, piece), None)));
-        assert_eq!(large(&writes).len(), 0);
+        assert_eq!(large(&writes, CONTENT_BYTES_MIN).len(), 0);
     }
 }
