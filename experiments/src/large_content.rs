@@ -7,6 +7,7 @@
 //! started on each in turn: until it listens, and until it has checked all records. Then it is asked
 //! for one mesh. All processes share one machine. The figures are of this second server.
 
+use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -34,6 +35,8 @@ const TRIANGLE_BYTES: usize = 50;
 const RADIUS: f64 = 0.05;
 /// Time in which a server has checked all its records.
 const CHECKED_WITHIN: Duration = Duration::from_secs(600);
+/// Time after the check at which the memory is read.
+const SETTLED: Duration = Duration::from_secs(15);
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
 const RECEIVED: &str = "palpate_store_received_bytes_total";
@@ -92,6 +95,7 @@ struct Measured {
     checked_seconds: f64,
     /// From the cluster, until then.
     received_mb: f64,
+    /// [`SETTLED`] later.
     resident_mb: f64,
     fetches: f64,
     /// From the cluster, for one mesh of [`MESH_MB`]; none without a mesh.
@@ -146,25 +150,32 @@ pub fn run(config: &LargeContent, progress: Progress<'_>) -> anyhow::Result<Outc
     })
 }
 
-/// A closed surface of two fans of triangles, as a binary STL file of [`MESH_MB`].
+/// A sphere with an uneven equator, as a binary STL file of [`MESH_MB`].
 fn mesh_file(seed: u64) -> anyhow::Result<Vec<u8>> {
-    let n = MESH_MB * 1_000_000 / TRIANGLE_BYTES / 2;
+    // Each of the squares between the circles of latitude has two triangles.
+    let n_around = 1_000;
+    let n_circles = MESH_MB * 1_000_000 / TRIANGLE_BYTES / 2 / n_around + 1;
     let mut stream = Stream::new(seed, Purpose::Shape, 0);
-    let mut vertices = vec![RADIUS * DVec3::Z, -RADIUS * DVec3::Z];
-    vertices.extend((0..n).map(|place| {
-        let (sine, cosine) = (std::f64::consts::TAU * place as f64 / n as f64).sin_cos();
-        RADIUS * stream.uniform(0.99, 1.01) * DVec3::new(cosine, sine, 0.0)
-    }));
-    let triangles = (0..n as u32).flat_map(|place| {
-        let (here, next) = (2 + place, 2 + (place + 1) % n as u32);
-        [[0, here, next], [1, next, here]]
+    let radii: Vec<f64> = (0..n_around).map(|_| RADIUS * stream.uniform(0.99, 1.01)).collect();
+    let vertices = (0..n_circles).flat_map(|circle| {
+        let (height, width) = (PI * (circle as f64 + 0.5) / n_circles as f64).sin_cos();
+        radii.iter().enumerate().map(move |(place, radius)| {
+            let (sine, cosine) = (TAU * place as f64 / n_around as f64).sin_cos();
+            radius * DVec3::new(height * cosine, height * sine, width)
+        })
     });
-    let mesh = Mesh::new(vertices, triangles.collect()).context("the fans are no mesh")?;
+    let squares = (0..n_circles - 1).flat_map(|circle| (0..n_around).map(move |at| (circle, at)));
+    let triangles = squares.flat_map(|(circle, at)| {
+        let corner = |down, on| ((circle + down) * n_around + (at + on) % n_around) as u32;
+        let [a, b, c, d] = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
+        [[a, b, c], [a, c, d]]
+    });
+    let mesh = Mesh::new(vertices.collect(), triangles.collect()).context("it is no mesh")?;
     Ok(mesh.to_stl_bytes())
 }
 
 fn object(number: usize) -> String {
-    format!("fans-{number}")
+    format!("sphere-{number}")
 }
 
 async fn put(client: &Client, number: usize, file: &[u8]) -> anyhow::Result<()> {
@@ -190,6 +201,8 @@ async fn measure(
     }
     let checked_seconds = begun.elapsed().as_secs_f64();
     let received = server.metric(RECEIVED).await?;
+    // What the check used is given back by and by.
+    tokio::time::sleep(SETTLED).await;
     let (fetches, resident) = (server.metric(FETCHES).await?, server.resident_bytes()?);
     let mut received_mb_of_a_mesh = None;
     if megabytes > 0 {
