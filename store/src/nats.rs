@@ -15,6 +15,7 @@ mod bucket;
 mod cache;
 mod counts;
 mod content;
+mod pairs;
 mod spool;
 mod index;
 mod plan;
@@ -118,12 +119,8 @@ impl NatsEngine {
             let cluster =
                 |fault: String| OpenError::Cluster { servers: options.servers.join(","), fault };
             let publisher = Arc::new(publisher);
-            let contents = Contents::new(
-                bucket,
-                options,
-                runtime.handle().clone(),
-                publisher.payload_max,
-            );
+            let contents =
+                Contents::new(bucket, options, runtime.handle().clone(), publisher.payload_max);
             let contents = Arc::new(contents);
             let shared = Arc::new(Shared::new(Index::new(spool, Arc::clone(&contents))));
             if !options.is_shared {
@@ -230,7 +227,7 @@ fn answer(answer: oneshot::Sender<Result<(), CommitError>>, outcome: Result<(), 
 impl Engine for NatsEngine {
     fn get(&self, key: &[u8]) -> Result<Option<Vec<u8>>, EngineError> {
         self.desk.shared.check()?;
-        let found = self.desk.shared.index().pairs.get(key).cloned();
+        let found = self.desk.shared.index().pairs.get(key);
         found.as_ref().map(Stored::read).transpose()
     }
 
@@ -317,9 +314,7 @@ impl Engine for NatsEngine {
 
     fn cut(&self) -> Result<Box<dyn Cut>, EngineError> {
         self.desk.shared.check()?;
-        let index = self.desk.shared.index();
-        let pairs = index.pairs.iter().map(|(key, value)| (Arc::clone(key), value.clone()));
-        Ok(Box::new(NatsCut::new(pairs.collect())))
+        Ok(Box::new(NatsCut::new(self.desk.shared.index().pairs.entries())))
     }
 
     fn compact(&self) -> Result<Compacted, EngineError> {
