@@ -1,4 +1,5 @@
-"""Small runs of `palpate experiment several-servers` and `divided-servers` on three NATS servers.
+"""Small runs of `palpate experiment several-servers`, `divided-servers` and `large-content` on
+three NATS servers.
 
 Called by `tests/nats` with the program.
 """
@@ -28,6 +29,7 @@ def main():
         assert not missing, f"{missing} of {figures}"
         print(f"several-servers: {len(figures)} figures")
         divided(folder, address)
+        large_content(folder, address)
 
 
 def divided(folder, address):
@@ -40,6 +42,20 @@ def divided(folder, address):
     assert figures["surface_ratio_2"] < 1, figures
     assert figures["resident_mb_1"] > 0 and figures["p99_ms_4"] > 0, figures
     print(f"divided-servers: {len(figures)} figures")
+
+
+def large_content(folder, address):
+    """Meshes in objects and in the stream: a start without objects fetches nothing."""
+    experiment = ["experiment", "large-content", "--nats", f"{address}/large"]
+    small = ["--megabytes", "0,10", "--starts", "1", "--palpate", sys.argv[1]]
+    small += ["--no-record", "--json", "--out", f"{folder}/results"]
+    figures = json.loads(palpate(*experiment, *small))["figures"]
+    assert figures["fetches_objects_10"] == figures["fetches_stream_10"] == 0, figures
+    assert figures["received_mb_objects_10"] < 1 < 10 < figures["received_mb_stream_10"], figures
+    assert figures["received_mb_of_a_mesh_objects_10"] > 10, figures
+    assert figures["received_mb_of_a_mesh_stream_10"] < 1, figures
+    assert figures["start_ratio_10"] > 0 and figures["resident_mb_objects_0"] > 0, figures
+    print(f"large-content: {len(figures)} figures")
 
 
 if __name__ == "__main__":

@@ -7,8 +7,6 @@
 //! reading, and the share of sessions whose last belief equals that of one server bit for bit. All processes share
 //! one machine, so that more servers are hardly faster here.
 
-mod process;
-
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -32,9 +30,13 @@ use crate::arguments::count;
 use crate::objects::{TestObject, generated, touch};
 use crate::own_server::block_on;
 use crate::report::{Outcome, Progress, Report};
+use crate::server_process::ServerProcess;
 use crate::server_throughput::numbered;
-use process::ServerProcess;
 
+/// The metric of the surfaces in memory.
+const SURFACE_BYTES: &str = "palpate_model_bytes{part=\"surface\"}";
+/// Memory for models, in MB: more than any catalogue here takes.
+const MODEL_MEMORY_MB: &str = "20000";
 /// Numbers of servers.
 const SERVERS: [usize; 3] = [1, 2, 4];
 /// The catalogue that is trained.
@@ -96,7 +98,7 @@ pub fn run(config: &DividedServers, progress: Progress<'_>) -> anyhow::Result<Ou
     let objects = objects(config)?;
     let sessions = sessions(config, &objects, progress)?;
     block_on(async {
-        let first = ServerProcess::start(config, None).await?;
+        let first = start(config, None).await?;
         train(config, &first.client, &objects, progress).await?;
         // Its memory is that of a training.
         first.stop().await?;
@@ -106,7 +108,7 @@ pub fn run(config: &DividedServers, progress: Progress<'_>) -> anyhow::Result<Ou
             let copies = (n > 1).then_some(config.copies);
             let mut servers = Vec::new();
             for _ in 0..n {
-                servers.push(ServerProcess::start(config, copies).await?);
+                servers.push(start(config, copies).await?);
             }
             let (measured, beliefs) = measure(config, &servers, &sessions, &expected).await?;
             all.push(measured);
@@ -119,6 +121,16 @@ pub fn run(config: &DividedServers, progress: Progress<'_>) -> anyhow::Result<Ou
         }
         Ok(outcome(&all))
     })
+}
+
+/// A server on the cluster; it divides catalogues if there are `copies`.
+async fn start(config: &DividedServers, copies: Option<u32>) -> anyhow::Result<ServerProcess> {
+    let copies = copies.map(|copies| copies.to_string());
+    let mut more = vec!["--model-memory-mb", MODEL_MEMORY_MB];
+    if let Some(copies) = &copies {
+        more.extend(["--divide-copies", copies, "--divide-wait-ms", "60000"]);
+    }
+    ServerProcess::start(&config.palpate, &config.nats, &more).await
 }
 
 fn objects(config: &DividedServers) -> anyhow::Result<Vec<TestObject>> {
@@ -210,7 +222,7 @@ async fn measure(
     }
     let (mut surface, mut resident) = (0.0, 0.0);
     for server in servers {
-        surface += server.surface_bytes().await? / 1e6;
+        surface += server.metric(SURFACE_BYTES).await? / 1e6;
         resident += server.resident_bytes()? / 1e6;
     }
     let is_equal = |(found, one): &(&Belief, &Belief)| {

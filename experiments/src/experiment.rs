@@ -17,6 +17,7 @@ use crate::divided_servers::{self, DividedServers};
 use crate::exploration::Exploration;
 use crate::explorations::ExplorationTrials;
 use crate::geometric_elsewhere::{self, GeometricElsewhere};
+use crate::large_content::{self, LargeContent};
 use crate::letters_appearance::{self, LettersAppearance};
 use crate::letters_geometric::{self, LettersGeometric};
 use crate::letters_sva::{self, LettersSva};
@@ -128,6 +129,8 @@ pub enum Experiment {
     SeveralServers(SeveralServers),
     /// One catalogue on one server, and divided over two and four on a NATS cluster.
     DividedServers(DividedServers),
+    /// Start and memory of a second server on a NATS cluster, by where large content is.
+    LargeContent(LargeContent),
     /// Time from a restart until the beliefs of all open sessions are answered again.
     Restart(Restart),
 }
@@ -183,6 +186,7 @@ impl Experiment {
             Self::ServerThroughput(config) => server_throughput::run(config, progress),
             Self::SeveralServers(config) => several_servers::run(config, progress),
             Self::DividedServers(config) => divided_servers::run(config, progress),
+            Self::LargeContent(config) => large_content::run(config, progress),
             Self::Restart(config) => restart::run(config, progress),
         }
     }
@@ -272,7 +276,7 @@ mod tests {
             let needed = match command.get_name() {
                 name if name.starts_with("real-") => " --data folder",
                 "several-servers" => " --nats nats://host",
-                "divided-servers" => " --nats nats://host --palpate palpate",
+                "divided-servers" | "large-content" => " --nats nats://host --palpate palpate",
                 _ => "",
             };
             let line = format!("{PROGRAM} {}{needed}", command.get_name());

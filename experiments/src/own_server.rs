@@ -24,10 +24,18 @@ impl OwnServer {
 
     /// Starts a server that shares the store of a NATS cluster, `nats://HOST:PORT/STREAM`.
     pub(crate) async fn start_on(cluster: &str) -> anyhow::Result<Self> {
+        Self::start_with(cluster, |options| options).await
+    }
+
+    /// As [`Self::start_on`], with changed options.
+    pub(crate) async fn start_with(
+        cluster: &str,
+        change: impl FnOnce(NatsOptions) -> NatsOptions,
+    ) -> anyhow::Result<Self> {
         let folder = folder()?;
         let options = NatsOptions::parse(cluster, folder.path().join("spool"))
             .map_err(|fault| anyhow::anyhow!("{cluster}: {fault}"))?;
-        let options = NatsOptions { is_shared: true, ..options };
+        let options = change(NatsOptions { is_shared: true, ..options });
         let (server, client) = serve(folder.path(), Some(options)).await?;
         Ok(Self { folder, server, client })
     }

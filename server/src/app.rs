@@ -12,6 +12,7 @@ use tokio::sync::watch;
 use crate::admission::Admission;
 use crate::compute::Pool;
 use crate::config::Config;
+use crate::figures;
 use crate::model::part_name;
 use crate::outgoing::Outgoing;
 use crate::process;
@@ -156,6 +157,7 @@ impl App {
             }
             metrics::counter!("palpate_store_commits_total").absolute(stats.commits);
             metrics::counter!("palpate_store_flushes_total").absolute(stats.flushes);
+            figures::of_cluster(&stats);
         }
     }
 }

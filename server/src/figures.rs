@@ -4,6 +4,9 @@
 //! increased, so that an alert would miss the first failure. Not here: metrics with another source
 //! of a first value (`app`), and metrics whose labels are not known in advance (`storage`).
 
+use palpate_store::engine::EngineStats;
+use palpate_store::engine::content::FailedFetches;
+
 use crate::clock::now_ms;
 
 /// Upper ends of the duration histogram's buckets, in seconds. Dense around the second at which the
@@ -80,6 +83,33 @@ pub(crate) fn register() {
     metrics::gauge!("palpate_snapshot_timestamp_seconds").set(0.0);
     metrics::gauge!("palpate_start_timestamp_seconds").set(now_ms() as f64 / 1000.0);
     metrics::gauge!("palpate_build_info", "version" => env!("CARGO_PKG_VERSION")).set(1.0);
+}
+
+/// Shows what the store keeps on a cluster, and in objects beside its records; 0 in a folder.
+pub(crate) fn of_cluster(stats: &EngineStats) {
+    let EngineStats { received_bytes, content, .. } = stats;
+    metrics::counter!("palpate_store_received_bytes_total").absolute(*received_bytes);
+    metrics::gauge!("palpate_content_objects").set(content.n_objects as f64);
+    metrics::gauge!("palpate_content_bytes").set(content.bytes as f64);
+    metrics::gauge!("palpate_content_cached_bytes").set(content.cached_bytes as f64);
+    metrics::gauge!("palpate_content_missing").set(content.n_missing as f64);
+    metrics::counter!("palpate_content_puts_total").absolute(content.n_put);
+    metrics::counter!("palpate_content_fetches_total").absolute(content.n_fetched);
+    metrics::counter!("palpate_content_fetched_bytes_total").absolute(content.fetched_bytes);
+    metrics::counter!("palpate_content_cache_hits_total").absolute(content.n_cache_hits);
+    let FailedFetches { missing, damaged, removed, unanswered } = content.failed;
+    let failed = [
+        ("missing", missing),
+        ("damaged", damaged),
+        ("removed", removed),
+        ("unanswered", unanswered),
+    ];
+    for (reason, n) in failed {
+        metrics::counter!("palpate_content_fetches_failed_total", "reason" => reason).absolute(n);
+    }
+    for (reason, n) in [("unnamed", content.n_removed), ("leftover", content.n_leftovers)] {
+        metrics::counter!("palpate_content_removals_total", "reason" => reason).absolute(n);
+    }
 }
 
 /// Counts a snapshot that was sent to its end, and notes the time.

@@ -13,6 +13,7 @@ pub mod line;
 pub mod news;
 mod pending;
 mod cut;
+pub mod content;
 
 use std::collections::BTreeMap;
 use std::future::Future;
@@ -22,6 +23,7 @@ use thiserror::Error;
 use uuid::Uuid;
 
 use crate::key::Space;
+use content::ContentStats;
 pub use cut::{Cut, Found, pages};
 use lease::{Lease, Leasing};
 use line::OpeningLine;
@@ -268,6 +270,10 @@ pub struct EngineStats {
     pub commits: u64,
     /// Number of flushes since it was opened; fewer than commits when commits were grouped.
     pub flushes: u64,
+    /// Bytes of messages that a cluster sent to this process since it was opened; 0 without one.
+    pub received_bytes: u64,
+    /// Content in objects beside the records.
+    pub content: ContentStats,
 }
 
 /// Error of an engine's operation.

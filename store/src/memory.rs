@@ -6,6 +6,7 @@ use std::sync::Mutex;
 
 use uuid::Uuid;
 
+use crate::engine::content::ContentStats;
 use crate::engine::{
     Commit, CommitError, Compacted, Cut, Engine, EngineError, EngineStats, Expected, Pair, Pending,
 };
@@ -121,6 +122,8 @@ impl Engine for MemoryEngine {
             reserve_bytes: 0,
             commits,
             flushes: 0,
+            received_bytes: 0,
+            content: ContentStats::default(),
         })
     }
 }

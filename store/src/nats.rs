@@ -13,7 +13,9 @@ pub mod options;
 mod unit;
 mod bucket;
 mod cache;
+mod counts;
 mod content;
+mod pairs;
 mod spool;
 mod index;
 mod plan;
@@ -41,6 +43,7 @@ use futures::channel::oneshot;
 use tokio::runtime::{Builder, Runtime};
 use uuid::Uuid;
 
+use crate::engine::content::ContentStats;
 use crate::engine::lease::{Lease, Leasing};
 use crate::engine::line::OpeningLine;
 use crate::engine::news::News;
@@ -49,7 +52,6 @@ use crate::engine::{
     Commit, CommitError, Compacted, Cut, Engine, EngineError, EngineStats, Pair, Pending, Reading,
 };
 use crate::key::Space;
-pub use content::ContentStats;
 use content::Contents;
 use cut::NatsCut;
 use index::{Index, read_all};
@@ -117,12 +119,8 @@ impl NatsEngine {
             let cluster =
                 |fault: String| OpenError::Cluster { servers: options.servers.join(","), fault };
             let publisher = Arc::new(publisher);
-            let contents = Contents::new(
-                bucket,
-                &options.spool,
-                runtime.handle().clone(),
-                publisher.payload_max,
-            );
+            let contents =
+                Contents::new(bucket, options, runtime.handle().clone(), publisher.payload_max);
             let contents = Arc::new(contents);
             let shared = Arc::new(Shared::new(Index::new(spool, Arc::clone(&contents))));
             if !options.is_shared {
@@ -161,18 +159,10 @@ impl NatsEngine {
         pending
     }
 
-    /// What the store has in objects of its bucket, and what of it was fetched.
+    /// What the store has in objects of its bucket, and what became of it here.
     #[must_use]
     pub fn content(&self) -> ContentStats {
-        let Desk { contents, shared, .. } = &*self.desk;
-        let index = shared.index();
-        ContentStats {
-            n_objects: index.objects().count() as u64,
-            bytes: index.content_bytes,
-            n_fetched: contents.n_fetched(),
-            cached_bytes: contents.cached_bytes(),
-            n_missing: shared.missing.load(Ordering::Relaxed),
-        }
+        self.desk.shared.index().content()
     }
 
     /// Removes content that nothing names any more. Blocks.
@@ -237,7 +227,7 @@ fn answer(answer: oneshot::Sender<Result<(), CommitError>>, outcome: Result<(), 
 impl Engine for NatsEngine {
     fn get(&self, key: &[u8]) -> Result<Option<Vec<u8>>, EngineError> {
         self.desk.shared.check()?;
-        let found = self.desk.shared.index().pairs.get(key).cloned();
+        let found = self.desk.shared.index().pairs.get(key);
         found.as_ref().map(Stored::read).transpose()
     }
 
@@ -324,9 +314,7 @@ impl Engine for NatsEngine {
 
     fn cut(&self) -> Result<Box<dyn Cut>, EngineError> {
         self.desk.shared.check()?;
-        let index = self.desk.shared.index();
-        let pairs = index.pairs.iter().map(|(key, value)| (Arc::clone(key), value.clone()));
-        Ok(Box::new(NatsCut::new(pairs.collect())))
+        Ok(Box::new(NatsCut::new(self.desk.shared.index().pairs.entries())))
     }
 
     fn compact(&self) -> Result<Compacted, EngineError> {
@@ -365,6 +353,8 @@ impl Engine for NatsEngine {
             reserve_bytes: 0,
             commits: shared.commits.load(Ordering::Relaxed),
             flushes: shared.batches.load(Ordering::Relaxed),
+            received_bytes: self.desk.publisher.received_bytes(),
+            content: index.content(),
         })
     }
 }

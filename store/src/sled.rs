@@ -37,6 +37,7 @@ use std::thread::JoinHandle;
 use futures::channel::oneshot;
 use uuid::Uuid;
 
+use crate::engine::content::ContentStats;
 use crate::engine::opening::OpenError;
 use crate::engine::{Commit, Compacted, Cut, Engine, EngineError, EngineStats, Pair, Pending};
 use crate::holding::Held;
@@ -323,6 +324,8 @@ impl Engine for SledEngine {
             reserve_bytes: self.room.reserve,
             commits: self.shared.commits.load(Ordering::Relaxed),
             flushes: self.shared.flushes.load(Ordering::Relaxed),
+            received_bytes: 0,
+            content: ContentStats::default(),
         })
     }
 }

@@ -11,7 +11,9 @@ use async_nats::jetstream;
 use async_nats::jetstream::object_store::{
     Config, InfoErrorKind, ObjectInfo, ObjectMetadata, ObjectStore,
 };
-use async_nats::jetstream::stream::{Config as StreamConfig, DiscardPolicy, StorageType, Stream};
+use async_nats::jetstream::stream::{
+    Config as StreamConfig, DirectGetErrorKind, DiscardPolicy, StorageType, Stream,
+};
 use base64::Engine as _;
 use base64::engine::general_purpose::URL_SAFE;
 use futures::{StreamExt, TryStreamExt};
@@ -128,22 +130,26 @@ impl Bucket {
             };
             match self.content(info).await {
                 Ok(bytes) => return Ok(bytes),
-                Err(error) => fault = GetFault::Failed(error),
+                Err(found) => fault = found,
             }
         }
         Err(fault)
     }
 
-    async fn content(&self, info: ObjectInfo) -> Result<Vec<u8>, String> {
+    async fn content(&self, info: ObjectInfo) -> Result<Vec<u8>, GetFault> {
         if info.chunks == 1 {
             let subject = self.chunks(&info.nuid);
             let chunk = self.stream.direct_get_last_for_subject(subject).await;
-            return chunk.map(|chunk| chunk.payload.to_vec()).map_err(|error| error.to_string());
+            return chunk.map(|chunk| chunk.payload.to_vec()).map_err(|error| match error.kind() {
+                DirectGetErrorKind::NotFound => GetFault::Missing,
+                _ => GetFault::Failed(error.to_string()),
+            });
         }
         let name = info.name;
-        let mut object = self.store.get(name).await.map_err(|error| error.to_string())?;
+        let failed = |error: &dyn fmt::Display| GetFault::Failed(error.to_string());
+        let mut object = self.store.get(name).await.map_err(|error| failed(&error))?;
         let mut bytes = Vec::new();
-        object.read_to_end(&mut bytes).await.map_err(|error| error.to_string())?;
+        object.read_to_end(&mut bytes).await.map_err(|error| failed(&error))?;
         Ok(bytes)
     }
 

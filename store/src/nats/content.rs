@@ -8,8 +8,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
-use std::path::Path;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -19,14 +18,13 @@ use uuid::Uuid;
 
 use super::bucket::{Bucket, GetFault};
 use super::cache::{Cache, Kept, Perhaps};
+use super::counts::Counts;
 use super::message::{Described, ObjectId, Part};
+use super::options::NatsOptions;
 use super::unit;
 use crate::engine::EngineError;
+use crate::engine::content::ContentStats;
 
-/// Content of a unit in a commit from which on it is put as an object. Chosen: an object costs two
-/// more messages with their subjects, of about 500 bytes, and two more answers to wait for;
-/// of 16 KiB that is 3 %. Most blocks of maps and meshes have more, most symmetries less.
-const OBJECT_BYTES_MIN: usize = 16 << 10;
 /// Largest object. Chosen: half of the default of NATS for a message, so that an object is one
 /// chunk; and the read of one value of 4 KiB fetches no more.
 const OBJECT_BYTES_MAX: usize = 512 << 10;
@@ -39,30 +37,25 @@ const SLACK: Duration = Duration::from_secs(5);
 const PAUSE: Duration = Duration::from_millis(200);
 const READING: &str = "reading large content";
 
-/// What a store has in objects of its bucket.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ContentStats {
-    /// Number of objects that have values.
-    pub n_objects: u64,
-    /// Their bytes.
-    pub bytes: u64,
-    /// Number of objects that this process fetched.
-    pub n_fetched: u64,
-    /// Bytes of the local cache.
-    pub cached_bytes: u64,
-    /// Number of objects that were missing when the bucket was last compared with the records.
-    pub n_missing: u64,
-}
-
 /// The content of a store.
 #[derive(Debug)]
 pub(super) struct Contents {
     pub(super) bucket: Bucket,
     cache: Cache,
     runtime: Handle,
+    /// Content of a unit in a commit from which on it is put.
+    bytes_min: usize,
     /// Largest object, if messages of the cluster are shorter.
     object_bytes_max: usize,
-    n_fetched: AtomicU64,
+    pub(super) counts: Counts,
+}
+
+/// The reason for which an object was not fetched.
+enum FetchFault {
+    Missing,
+    Damaged { found: u64 },
+    Unanswered(String),
+    Cache(String),
 }
 
 /// An object that the stream names.
@@ -71,6 +64,8 @@ pub(super) struct Object {
     unit: Box<[u8]>,
     contents: Arc<Contents>,
     place: Mutex<Option<Perhaps>>,
+    /// Whether no record names it any more.
+    is_released: AtomicBool,
     /// Taken by the one who fetches.
     turn: tokio::sync::Mutex<()>,
 }
@@ -82,21 +77,22 @@ impl fmt::Debug for Object {
 }
 
 impl Contents {
-    /// The content in a bucket, with a cache in `folder`; fetches run on `runtime`.
-    pub(super) fn new(bucket: Bucket, folder: &Path, runtime: Handle, payload_max: usize) -> Self {
-        let (cache, n_fetched) = (Cache::new(folder), AtomicU64::new(0));
+    /// The content in a bucket, with a cache in the folder of the spool; fetches run on `runtime`.
+    pub(super) fn new(
+        bucket: Bucket,
+        options: &NatsOptions,
+        runtime: Handle,
+        payload_max: usize,
+    ) -> Self {
+        let (cache, counts) = (Cache::new(&options.spool), Counts::default());
+        let bytes_min = options.content_bytes_min;
         let object_bytes_max = OBJECT_BYTES_MAX.min(payload_max);
-        Self { bucket, cache, runtime, object_bytes_max, n_fetched }
+        Self { bucket, cache, runtime, bytes_min, object_bytes_max, counts }
     }
 
-    /// Number of objects fetched since the store was opened.
-    pub(super) fn n_fetched(&self) -> u64 {
-        self.n_fetched.load(Ordering::Relaxed)
-    }
-
-    /// Bytes of the cache.
-    pub(super) fn cached_bytes(&self) -> u64 {
-        self.cache.bytes()
+    /// What was counted, without what the index knows.
+    pub(super) fn stats(&self) -> ContentStats {
+        ContentStats { cached_bytes: self.cache.bytes(), ..self.counts.stats() }
     }
 
     /// Puts the large content of a commit, all of it before this returns; where each value is.
@@ -108,7 +104,7 @@ impl Contents {
     ) -> Result<BTreeMap<Vec<u8>, Part>, String> {
         let mut parts = BTreeMap::new();
         let mut number = 0;
-        for (unit, values) in large(writes) {
+        for (unit, values) in large(writes, self.bytes_min) {
             for group in groups(&values, self.object_bytes_max) {
                 let id = ObjectId { commit, number };
                 number += 1;
@@ -130,7 +126,10 @@ impl Contents {
         let begun = Instant::now();
         loop {
             match self.bucket.put(name, bytes).await {
-                Ok(()) => return Ok(()),
+                Ok(()) => {
+                    self.counts.put.add(1);
+                    return Ok(());
+                }
                 Err(detail) if begun.elapsed() > PUT_WITHIN => {
                     return Err(format!("cannot put the object {name}: {detail}"));
                 }
@@ -144,7 +143,7 @@ impl Contents {
 type Values<'commit> = BTreeMap<&'commit [u8], &'commit [u8]>;
 
 /// The content that is put as objects, by unit: the last value of each key.
-fn large(writes: &[(Vec<u8>, Option<Vec<u8>>)]) -> BTreeMap<Vec<u8>, Values<'_>> {
+fn large(writes: &[(Vec<u8>, Option<Vec<u8>>)], bytes_min: usize) -> BTreeMap<Vec<u8>, Values<'_>> {
     let mut units: BTreeMap<Vec<u8>, Values<'_>> = BTreeMap::new();
     for (key, value) in writes {
         if !unit::may_be_content(key) {
@@ -159,7 +158,7 @@ fn large(writes: &[(Vec<u8>, Option<Vec<u8>>)]) -> BTreeMap<Vec<u8>, Values<'_>>
     }
     units.retain(|id, values| {
         let bytes: usize = values.values().map(|value| value.len()).sum();
-        unit::is_content(id) && bytes >= OBJECT_BYTES_MIN
+        unit::is_content(id) && bytes >= bytes_min
     });
     units
 }
@@ -198,7 +197,12 @@ pub(super) fn id(name: &str) -> Option<ObjectId> {
 impl Object {
     pub(super) fn new(described: Described, unit: &[u8], contents: Arc<Contents>) -> Self {
         let (unit, place, turn) = (unit.into(), Mutex::default(), tokio::sync::Mutex::new(()));
-        Self { described, unit, contents, place, turn }
+        Self { described, unit, contents, place, is_released: AtomicBool::new(false), turn }
+    }
+
+    /// Notes that no record names it any more.
+    pub(super) fn release(&self) {
+        self.is_released.store(true, Ordering::Relaxed);
     }
 
     /// Its name in the bucket.
@@ -209,7 +213,10 @@ impl Object {
     /// Reads a value. Blocks until the object is fetched, or that has failed.
     pub(super) fn read(self: &Arc<Self>, at: u32, length: u16) -> Result<Vec<u8>, EngineError> {
         let kept = match self.kept() {
-            Some(kept) => kept,
+            Some(kept) => {
+                self.contents.counts.cache_hits.add(1);
+                kept
+            }
             None => self.wait()?,
         };
         let read = self.contents.cache.read(&kept, at, usize::from(length));
@@ -243,7 +250,39 @@ impl Object {
     /// Brings the object into the cache.
     pub(super) async fn fetch(&self) -> Result<Kept, EngineError> {
         let fetched = tokio::time::timeout(FETCHED_WITHIN, self.fetch_once()).await;
-        fetched.unwrap_or_else(|_| Err(self.too_late()))
+        let counts = &self.contents.counts;
+        let fault = match fetched {
+            Ok(Ok(kept)) => return Ok(kept),
+            Ok(Err(fault)) => fault,
+            Err(_) => {
+                counts.fetches_unanswered.add(1);
+                return Err(self.too_late());
+            }
+        };
+        let is_released = self.is_released.load(Ordering::Relaxed);
+        let count = match fault {
+            FetchFault::Missing if is_released => &counts.fetches_removed,
+            FetchFault::Missing => &counts.fetches_missing,
+            FetchFault::Damaged { .. } => &counts.fetches_damaged,
+            FetchFault::Unanswered(_) | FetchFault::Cache(_) => &counts.fetches_unanswered,
+        };
+        count.add(1);
+        Err(self.failed(&fault))
+    }
+
+    fn failed(&self, fault: &FetchFault) -> EngineError {
+        let (name, bucket) = (self.name(), &self.contents.bucket.name);
+        failed(match fault {
+            FetchFault::Missing => format!("object {name} is missing in {bucket}"),
+            FetchFault::Unanswered(detail) => {
+                format!("cannot get object {name} of {bucket}: {detail}")
+            }
+            FetchFault::Damaged { found } => format!(
+                "object {name} of {bucket} is damaged: {found} bytes, expected {} with another hash",
+                self.described.length
+            ),
+            FetchFault::Cache(detail) => format!("cannot keep object {name}: {detail}"),
+        })
     }
 
     fn too_late(&self) -> EngineError {
@@ -251,31 +290,25 @@ impl Object {
         failed(format!("{bucket} did not give object {name} within {FETCHED_WITHIN:?}"))
     }
 
-    async fn fetch_once(&self) -> Result<Kept, EngineError> {
+    async fn fetch_once(&self) -> Result<Kept, FetchFault> {
         let _turn = self.turn.lock().await;
         if let Some(kept) = self.kept() {
             return Ok(kept);
         }
-        let (name, bucket) = (self.name(), &self.contents.bucket);
-        let bytes = bucket.get(&name).await.map_err(|fault| {
-            failed(match fault {
-                GetFault::Missing => format!("object {name} is missing in {}", bucket.name),
-                GetFault::Failed(detail) => {
-                    format!("cannot get object {name} of {}: {detail}", bucket.name)
-                }
-            })
+        let contents = &self.contents;
+        let bytes = contents.bucket.get(&self.name()).await.map_err(|fault| match fault {
+            GetFault::Missing => FetchFault::Missing,
+            GetFault::Failed(detail) => FetchFault::Unanswered(detail),
         })?;
         let Described { length, hash, .. } = self.described;
-        if bytes.len() as u64 != u64::from(length) || blake3::hash(&bytes).as_bytes() != &hash {
-            let (found, bucket) = (bytes.len(), &bucket.name);
-            return Err(failed(format!(
-                "object {name} of {bucket} is damaged: {found} bytes, expected {length} with \
-                 another hash"
-            )));
+        let found = bytes.len() as u64;
+        if found != u64::from(length) || blake3::hash(&bytes).as_bytes() != &hash {
+            return Err(FetchFault::Damaged { found });
         }
-        let contents = &self.contents;
-        let kept = contents.cache.keep(&bytes).map_err(|error| failed(error.to_string()))?;
-        contents.n_fetched.fetch_add(1, Ordering::Relaxed);
+        let kept =
+            contents.cache.keep(&bytes).map_err(|error| FetchFault::Cache(error.to_string()))?;
+        contents.counts.fetched.add(1);
+        contents.counts.fetched_bytes.add(found);
         *self.place.lock().unwrap_or_else(PoisonError::into_inner) = Some(kept.perhaps());
         Ok(kept)
     }
@@ -289,6 +322,7 @@ fn failed(detail: String) -> EngineError {
 mod tests {
     use super::*;
     use crate::key::{self, Space};
+    use crate::nats::options::CONTENT_BYTES_MIN;
 
     #[test]
     fn a_name_leads_back_to_its_object() {
@@ -312,12 +346,12 @@ mod tests {
         writes.push((small, Some(vec![7; 4096])));
         let session = key::id(Space::Session, Uuid::nil());
         writes.extend((0..9).map(|piece| (key::piece(&session, piece), Some(vec![7; 4096]))));
-        let found = large(&writes);
+        let found = large(&writes, CONTENT_BYTES_MIN);
         assert_eq!(found.keys().collect::<Vec<_>>(), [&block], "only the large block is content");
         let sizes: Vec<_> = groups(&found[&block], 9000).iter().map(Vec::len).collect();
         assert_eq!(sizes, [2, 2, 1]);
         // What a later write of the commit takes back is not put.
         writes.extend((2..6u32).map(|piece| (key::piece(&block, piece), None)));
-        assert_eq!(large(&writes).len(), 0);
+        assert_eq!(large(&writes, CONTENT_BYTES_MIN).len(), 0);
     }
 }

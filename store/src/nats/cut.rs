@@ -2,16 +2,19 @@
 //!
 //! Content that is removed meanwhile can be read for as long as the bucket keeps it.
 
+use std::sync::Arc;
+
 use super::index::{Located, read_all};
+use super::pairs::{Entry, expanded};
 use super::spool::Stored;
 use crate::engine::{Cut, EngineError, Found, Pair};
 
 /// Pairs that are still to be returned.
-pub(super) struct NatsCut(std::vec::IntoIter<Located>);
+pub(super) struct NatsCut(Box<dyn Iterator<Item = Located> + Send>);
 
 impl NatsCut {
-    pub(super) fn new(pairs: Vec<Located>) -> Self {
-        Self(pairs.into_iter())
+    pub(super) fn new(entries: Vec<(Arc<[u8]>, Entry<Stored>)>) -> Self {
+        Self(Box::new(entries.into_iter().flat_map(expanded)))
     }
 }
 

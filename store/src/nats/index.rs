@@ -3,15 +3,17 @@
 //! It holds the state after all messages up to one sequence of the stream; nothing but messages
 //! that the stream delivered changes it.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap, VecDeque};
+use std::collections::{BTreeSet, HashMap, VecDeque};
 use std::ops::Bound;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::content::{Contents, Object};
 use super::message::{Message, ObjectId, PART_BYTES, Part, Value};
+use super::pairs::Pairs;
 use super::spool::{Spool, Stored};
 use super::unit::{self, Keys};
+use crate::engine::content::ContentStats;
 use crate::engine::{EngineError, Pair};
 use crate::holding::Held;
 
@@ -45,7 +47,7 @@ struct Counted {
 /// The state after all messages up to one sequence.
 #[derive(Debug)]
 pub(super) struct Index {
-    pub(super) pairs: BTreeMap<Arc<[u8]>, Stored>,
+    pub(super) pairs: Pairs<Stored>,
     pub(super) units: HashMap<Vec<u8>, UnitState>,
     pub(super) held: Held,
     pub(super) live_bytes: u64,
@@ -62,7 +64,7 @@ pub(super) struct Index {
 impl Index {
     pub(super) fn new(spool: Spool, contents: Arc<Contents>) -> Self {
         Self {
-            pairs: BTreeMap::new(),
+            pairs: Pairs::default(),
             units: HashMap::new(),
             held: Held::default(),
             live_bytes: 0,
@@ -76,7 +78,7 @@ impl Index {
     }
 
     pub(super) fn get(&self, key: &[u8]) -> Result<Option<Vec<u8>>, EngineError> {
-        self.pairs.get(key).map(Stored::read).transpose()
+        self.pairs.get(key).as_ref().map(Stored::read).transpose()
     }
 
     pub(super) fn unit(&self, id: &[u8]) -> UnitState {
@@ -89,17 +91,16 @@ impl Index {
             Some(after) if after >= prefix => Bound::Excluded(after),
             _ => Bound::Included(prefix),
         };
-        let pairs = self.pairs.range::<[u8], _>((start, Bound::Unbounded));
-        let within = pairs.take_while(|(key, _)| key.starts_with(prefix)).take(limit);
-        within.map(|(key, value)| (Arc::clone(key), value.clone())).collect()
+        let pairs = self.pairs.from(start);
+        pairs.take_while(|(key, _)| key.starts_with(prefix)).take(limit).collect()
     }
 
     /// The keys of a unit.
     pub(super) fn of_unit(&self, id: &[u8]) -> Vec<Located> {
         match unit::keys(id) {
             Keys::One(key) => {
-                let found = self.pairs.get_key_value(&key[..]);
-                found.map(|(key, value)| (Arc::clone(key), value.clone())).into_iter().collect()
+                let found = self.pairs.get(&key);
+                found.map(|value| (Arc::from(key), value)).into_iter().collect()
             }
             Keys::Under(prefixes) => {
                 prefixes.iter().flat_map(|prefix| self.scan(prefix, None, usize::MAX)).collect()
@@ -165,12 +166,19 @@ impl Index {
         }
         let Counted { object, .. } = self.objects.remove(&id)?;
         self.content_bytes -= u64::from(object.described.length);
+        object.release();
         Some(object)
     }
 
     /// Whether an object has values.
     pub(super) fn has_object(&self, id: ObjectId) -> bool {
         self.objects.get(&id).is_some_and(|counted| counted.n_keys > 0)
+    }
+
+    /// What there is in objects, and what was counted of it.
+    pub(super) fn content(&self) -> ContentStats {
+        let n_objects = self.objects.len() as u64;
+        ContentStats { n_objects, bytes: self.content_bytes, ..self.contents.stats() }
     }
 
     /// The objects that have values.
@@ -190,7 +198,7 @@ impl Index {
         let after = value.as_ref().map(size);
         let after_spoken = value.as_ref().map_or(0, spoken);
         let before = match &value {
-            Some(value) => self.pairs.insert(key.into(), value.clone()),
+            Some(value) => self.pairs.insert(key, value.clone()),
             None => self.pairs.remove(key),
         };
         // Only holdings are counted by content.

@@ -151,7 +151,7 @@ fn writes(index: &Index, commit: &Commit, content: &Parts) -> Result<Writes, Eng
     let mut writes: Writes = values.collect();
     if let Some(mut bill) = Bill::of(commit) {
         for (key, value) in &writes {
-            let before = index.pairs.get(&key[..]).map(Stored::len);
+            let before = index.pairs.get(key).as_ref().map(Stored::len);
             bill.add(key, before, value.as_ref().map(Value::len));
         }
         let holdings = bill.settle(&index.held, |key| index.get(key))?;
@@ -199,7 +199,7 @@ fn of_unit(
     let mut delta = FRAME_BYTES as u64;
     for (key, value) in &writes {
         let size = |length: usize| (key.len() + length) as u64;
-        after -= index.pairs.get(&key[..]).map_or(0, |before| size(message_bytes(before)));
+        after -= index.pairs.get(key).map_or(0, |before| size(message_bytes(&before)));
         after += value.as_ref().map_or(0, |value| size(spoken_bytes(value)));
         delta += size(value.as_ref().map_or(0, spoken_bytes)) + WRITE_BYTES as u64;
     }

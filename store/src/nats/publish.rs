@@ -1,6 +1,7 @@
 //! Publishing: one message, or one atomic batch, and what a refusal means.
 
 use std::error::Error;
+use std::sync::atomic::Ordering;
 
 use async_nats::HeaderMap;
 use async_nats::header::{
@@ -54,6 +55,11 @@ impl Publisher {
     ) -> Self {
         let (batches, singles) = (Semaphore::new(BATCHES_MAX), Semaphore::new(SINGLES_MAX));
         Self { context, stream, name, payload_max, batches, singles }
+    }
+
+    /// Bytes that the cluster sent on this connection.
+    pub(super) fn received_bytes(&self) -> u64 {
+        self.context.client().statistics().in_bytes.load(Ordering::Relaxed)
     }
 
     /// Publishes messages, all or none; returns the sequence of the last one.

@@ -36,8 +36,6 @@ pub(super) struct Shared {
     fault: Mutex<Option<EngineError>>,
     /// Objects that lost their last value by commits of this process, and when, oldest first.
     released: Mutex<VecDeque<(Instant, Arc<Object>)>>,
-    /// Number of objects that messages name and the bucket did not have when it was compared.
-    pub(super) missing: AtomicU64,
     /// Told when somebody waits for messages and none come.
     pub(super) is_stalled: Notify,
     pub(super) commits: AtomicU64,
@@ -54,7 +52,6 @@ impl Shared {
             tellers: Mutex::default(),
             fault: Mutex::default(),
             released: Mutex::default(),
-            missing: AtomicU64::new(0),
             is_stalled: Notify::new(),
             commits: AtomicU64::new(0),
             batches: AtomicU64::new(0),

@@ -13,6 +13,7 @@ use std::sync::Arc;
 
 use super::cache::unnamed_file;
 use super::content::Object;
+use super::pairs::Place;
 use crate::engine::EngineError;
 use crate::private;
 
@@ -49,6 +50,27 @@ impl Stored {
                 Ok(bytes)
             }
             Self::Content { object, at, length } => object.read(*at, *length),
+        }
+    }
+}
+
+impl Place for Stored {
+    fn part(&self) -> Option<(usize, u32, u16)> {
+        match self {
+            Self::Content { object, at, length } => {
+                Some((Arc::as_ptr(object) as usize, *at, *length))
+            }
+            Self::Memory(_) | Self::File { .. } => None,
+        }
+    }
+
+    fn beside(&self, at: u32, length: u16) -> Self {
+        match self {
+            Self::Content { object, .. } => {
+                Self::Content { object: Arc::clone(object), at, length }
+            }
+            // Neither is a part.
+            Self::Memory(_) | Self::File { .. } => self.clone(),
         }
     }
 }

@@ -8,7 +8,6 @@
 //! later: a commit is published within minutes after its objects were put.
 
 use std::collections::{HashMap, HashSet};
-use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -87,8 +86,9 @@ impl Sweeper {
                 continue;
             }
             // One that cannot be removed now is found by a comparison.
-            if let Err(error) = self.contents.bucket.remove(&object.name()).await {
-                tracing::warn!("Cannot remove object {}: {error}", object.name());
+            match self.contents.bucket.remove(&object.name()).await {
+                Ok(()) => self.contents.counts.removed.add(1),
+                Err(error) => tracing::warn!("Cannot remove object {}: {error}", object.name()),
             }
         }
     }
@@ -123,6 +123,7 @@ impl Sweeper {
                 Suspect::Object(name) => self.contents.bucket.remove(name).await?,
                 Suspect::Nameless(id) => self.contents.bucket.remove_nameless(id).await?,
             }
+            self.contents.counts.leftovers.add(1);
         }
         Ok(())
     }
@@ -162,6 +163,6 @@ impl Sweeper {
             let (name, bucket) = (object.name(), &self.contents.bucket.name);
             tracing::error!("Object {name} is missing in {bucket}: what it holds cannot be read");
         }
-        self.shared.missing.store(missing.len() as u64, Ordering::Relaxed);
+        self.contents.counts.missing.set(missing.len() as u64);
     }
 }

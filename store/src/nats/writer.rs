@@ -59,7 +59,7 @@ async fn fetch_expected(admitted: &Admitted, shared: &Arc<Shared>) -> Result<(),
             Expected::Absent => None,
         });
         let content = found.filter_map(|stored| match stored {
-            Stored::Content { object, .. } => Some(Arc::clone(object)),
+            Stored::Content { object, .. } => Some(object),
             Stored::Memory(_) | Stored::File { .. } => None,
         });
         content.collect()

@@ -11,6 +11,7 @@ use async_nats::jetstream::stream::Stream;
 use futures::TryStreamExt;
 use palpate_store::catalogue::Manifest;
 use palpate_store::database::Database;
+use palpate_store::engine::content::FailedFetches;
 use palpate_store::engine::{
     Account, Commit, CommitError, Cut, Engine, EngineError, Expected, Found,
 };
@@ -126,6 +127,8 @@ fn content_is_in_objects_and_a_start_fetches_none() {
     let report = checker.finish();
     assert_eq!((report.n_damaged, report.records["block"]), (0, 2), "{report:?}");
     assert_eq!((again.content().n_fetched, again.content().cached_bytes), (0, 0));
+    assert!(again.stats().unwrap().received_bytes < 200_000, "content came with the stream");
+    assert_eq!((written.n_put, again.content().n_put), (written.n_objects, 0));
     assert_eq!(again.content().n_objects, written.n_objects);
 
     let block = &version.blocks[0];
@@ -133,9 +136,14 @@ fn content_is_in_objects_and_a_start_fetches_none() {
     let of_block = again.content().n_fetched;
     assert!((1..=3).contains(&of_block), "{of_block} objects of a block were fetched");
     assert!(mesh(&second) == file, "another mesh");
-    assert_eq!(again.content().n_fetched, written.n_objects, "each once");
+    let once = again.content();
+    assert_eq!((once.n_fetched, once.fetched_bytes), (written.n_objects, written.bytes));
+    assert!(again.stats().unwrap().received_bytes > written.bytes);
     assert!(mesh(&second) == file, "another mesh");
     assert_eq!(again.content().n_fetched, written.n_objects, "later reads are local");
+    let n_values = 3_000_000 / 4096;
+    assert!(again.content().n_cache_hits >= once.n_cache_hits + n_values, "{once:?}");
+    assert_eq!(again.content().failed, FailedFetches::default());
     assert_eq!(check(&*again).unwrap().n_damaged, 0);
 }
 
@@ -206,6 +214,8 @@ fn removed_content_leaves_the_bucket_after_a_while() {
     }
     let (_, in_bucket) = stored_bytes(&store);
     assert_eq!(in_bucket, 0, "nothing is left of a removed object");
+    let all = engine.content();
+    assert_eq!((all.n_removed, all.n_leftovers), (all.n_put, 0));
 }
 
 #[test]
@@ -237,6 +247,7 @@ fn what_a_crash_leaves_is_swept() {
         content.get_last_raw_message_by_subject(&nameless).await.is_ok()
     });
     assert!(!chunks, "content without a name is left");
+    assert_eq!((engine.content().n_leftovers, engine.content().n_removed), (2, 0));
     assert!(mesh(&database) == file, "another mesh");
     assert_eq!(engine.content().n_missing, 0);
 }
@@ -255,8 +266,11 @@ fn missing_and_damaged_objects_are_named() {
     expect_failure(reader.get(&head), &[&name, "is damaged", "30000 bytes"]);
     outside(&store, async |Outside { bucket, .. }| bucket.delete(&name).await.unwrap());
     expect_failure(reader.get(&head), &[&name, "is missing in", &store.options.stream]);
+    assert_eq!(reader.content().n_missing, 0, "nobody has compared");
     reader.compact().unwrap();
     assert_eq!(reader.content().n_missing, 1);
+    let failed = FailedFetches { missing: 1, damaged: 1, ..FailedFetches::default() };
+    assert_eq!((reader.content().failed, reader.content().n_fetched), (failed, 0));
     // The same content published again is another object.
     let database = database(&engine);
     let draft = samples::draft(&[("surface/20", 100_000)]);

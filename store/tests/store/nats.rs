@@ -13,6 +13,7 @@ use palpate_store::nats::snapshots::Snapshots;
 use uuid::Uuid;
 
 use crate::cluster::{Cluster, Store, store};
+use crate::engines::large;
 use crate::samples;
 
 fn all(engine: &dyn Engine) -> Vec<Pair> {
@@ -27,6 +28,25 @@ fn same(first: &NatsEngine, second: &NatsEngine) {
         assert!(begun.elapsed() < Duration::from_secs(20), "one engine does not follow");
         std::thread::yield_now();
     }
+}
+
+#[test]
+fn content_may_stay_in_the_stream() {
+    let Some(mut store) = store() else { return };
+    let objects = store.options.content_bytes_min;
+    store.options.content_bytes_min = usize::MAX;
+    let engine = store.open();
+    let (head, commit) = large(1, 100);
+    engine.commit(commit).wait().unwrap();
+    assert_eq!((engine.content().n_objects, engine.content().n_put), (0, 0));
+    // One that puts content in objects reads what is in the stream, and adds to it.
+    store.options.content_bytes_min = objects;
+    let other = store.open();
+    assert!(other.stats().unwrap().received_bytes > 400_000, "the content came with the stream");
+    assert_eq!(other.scan(&head, None, 200).unwrap(), engine.scan(&head, None, 200).unwrap());
+    other.commit(large(2, 100).1).wait().unwrap();
+    assert!(other.content().n_put > 0 && other.content().n_fetched == 0);
+    same(&engine, &other);
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! A server in a process of its own, on a NATS cluster: its memory is that of one server.
 
 use std::io::{BufRead, BufReader};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
 use anyhow::Context as _;
@@ -8,37 +9,28 @@ use palpate_client::{Client, ClientOptions};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use super::DividedServers;
-
-/// The metric of the surfaces in memory.
-const SURFACE_BYTES: &str = "palpate_model_bytes{part=\"surface\"}";
-/// Memory for models, in MB: more than any catalogue here takes.
-const MODEL_MEMORY_MB: &str = "20000";
-
 /// A running server; it is killed when it is dropped.
-pub(super) struct ServerProcess {
+pub(crate) struct ServerProcess {
     child: Child,
-    pub(super) client: Client,
+    pub(crate) client: Client,
     _folder: TempDir,
 }
 
 impl ServerProcess {
-    /// Starts a server on the cluster; it divides catalogues if there are `copies`.
-    pub(super) async fn start(
-        config: &DividedServers,
-        copies: Option<u32>,
+    /// Starts the program `palpate` as a server that shares the store of a NATS cluster; returns
+    /// when it listens.
+    pub(crate) async fn start(
+        palpate: &Path,
+        cluster: &str,
+        more: &[&str],
     ) -> anyhow::Result<Self> {
-        let folder = tempfile::Builder::new().prefix("palpate-divided-").tempdir()?;
-        let mut command = Command::new(&config.palpate);
+        let folder = tempfile::Builder::new().prefix("palpate-process-").tempdir()?;
+        let mut command = Command::new(palpate);
         command.args(["serve", "--listen", "127.0.0.1:0", "--access", "open", "--json"]);
-        command.args(["--store", &config.nats, "--store-shared"]);
-        command.args(["--model-memory-mb", MODEL_MEMORY_MB]);
+        command.args(["--store", cluster, "--store-shared"]).args(more);
         command.arg("--data").arg(folder.path().join("data"));
-        if let Some(copies) = copies {
-            command.args(["--divide-copies", &copies.to_string(), "--divide-wait-ms", "60000"]);
-        }
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null());
-        let program = config.palpate.display();
+        let program = palpate.display();
         let mut child = command.spawn().with_context(|| format!("cannot start {program}"))?;
         let output = child.stdout.take().context("its output is piped")?;
         let reading = tokio::task::spawn_blocking(move || {
@@ -53,15 +45,15 @@ impl ServerProcess {
         Ok(Self { child, client, _folder: folder })
     }
 
-    /// Bytes of surfaces in its memory.
-    pub(super) async fn surface_bytes(&self) -> anyhow::Result<f64> {
+    /// The value of a metric, by its name and labels as `/metrics` writes them.
+    pub(crate) async fn metric(&self, metric: &str) -> anyhow::Result<f64> {
         let text = self.client.metrics().await?;
-        let found = text.lines().find_map(|line| line.strip_prefix(SURFACE_BYTES));
-        Ok(found.context("a server states the bytes of its models")?.trim().parse()?)
+        let value = |line: &str| line.strip_prefix(metric)?.strip_prefix(' ')?.parse().ok();
+        text.lines().find_map(value).with_context(|| format!("a server states no {metric}"))
     }
 
     /// Bytes of memory of the process.
-    pub(super) fn resident_bytes(&self) -> anyhow::Result<f64> {
+    pub(crate) fn resident_bytes(&self) -> anyhow::Result<f64> {
         let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id()))?;
         let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
         let kilobytes = line.and_then(|line| line.split_whitespace().next());
@@ -69,7 +61,7 @@ impl ServerProcess {
     }
 
     /// Stops it, so that others know that it is gone.
-    pub(super) async fn stop(self) -> anyhow::Result<()> {
+    pub(crate) async fn stop(self) -> anyhow::Result<()> {
         let told = Command::new("kill").arg(self.child.id().to_string()).status()?;
         anyhow::ensure!(told.success(), "a server cannot be stopped");
         tokio::task::spawn_blocking(move || {
