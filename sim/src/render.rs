@@ -11,7 +11,7 @@ use palpate_core::units::DEG;
 
 use crate::mesh::Mesh;
 pub use arm::arm_png;
-use canvas::Canvas;
+use canvas::{Canvas, pixels_of};
 
 const BACKGROUND: [u8; 3] = [250, 250, 248];
 const SURFACE: [f64; 3] = [176.0, 184.0, 196.0];
@@ -19,6 +19,10 @@ const TOUCH: [u8; 3] = [214, 62, 42];
 /// Depth to which marks of touches show through the object, as a fraction of its largest
 /// dimension: touches lie inside the surface by the covering's indentation.
 const TOUCH_DEPTH: f64 = 0.05;
+
+/// Pixels that all triangles of a picture may cover, one behind the other; of a mesh with more,
+/// every so many-th triangle is drawn. Chosen: about a second, and 400 times a whole small picture.
+const PIXELS_MAX: f64 = 1e8;
 
 /// Viewing direction of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,9 +71,14 @@ fn drawn(mesh: &Mesh, view: View, size: usize, points: &[DVec3]) -> Canvas {
         let seen = view.rotation * (point - center) * scale;
         DVec3::new(0.5 * size as f64 + seen.x, 0.5 * size as f64 - seen.y, seen.z)
     };
-    for triangle in 0..mesh.triangles().len() {
+    let n_triangles = mesh.triangles().len();
+    let seen = |triangle: usize| mesh.corners(triangle).map(in_picture);
+    let pixels: f64 = (0..n_triangles).map(|triangle| pixels_of(&seen(triangle))).sum();
+    // Only meshes of long slivers, or of large triangles one behind the other, have that many.
+    let every = (pixels / PIXELS_MAX).ceil().max(1.0) as usize;
+    for triangle in (0..n_triangles).step_by(every) {
         let normal = view.rotation * mesh.normal(triangle);
-        canvas.add_triangle(&mesh.corners(triangle).map(in_picture), shade(normal, SURFACE));
+        canvas.add_triangle(&seen(triangle), shade(normal, SURFACE));
     }
     let through = TOUCH_DEPTH * mesh.largest_dimension() * scale;
     for point in points {
@@ -112,6 +121,22 @@ mod tests {
         };
         assert!(has_mark(0.029 * DVec3::Z));
         assert!(!has_mark(-0.029 * DVec3::Z));
+    }
+
+    #[test]
+    fn large_triangles_one_behind_the_other_are_not_all_drawn() {
+        // Half of a picture of 512 pixels, a thousand times over: a third is drawn.
+        let n = 3_000;
+        let corner = |at: u32| {
+            let depth = f64::from(at / 3) * 1e-6;
+            [DVec3::ZERO, DVec3::X, DVec3::Z][at as usize % 3] + depth * DVec3::Y
+        };
+        let triangles = (0..n).map(|at| [3 * at, 3 * at + 1, 3 * at + 2]).collect();
+        let mesh = Mesh::new((0..3 * n).map(corner).collect(), triangles).unwrap();
+        let seen =
+            mesh.corners(0).map(|at| View::default().rotation * at * 0.92 * 512.0 / 2f64.sqrt());
+        assert!(f64::from(n) * pixels_of(&seen) > PIXELS_MAX, "{}", pixels_of(&seen));
+        assert!(drawn(&mesh, View::default(), 512, &[]).count(BACKGROUND) < 512 * 512 * 9 / 10);
     }
 
     #[test]
