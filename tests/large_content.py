@@ -2,8 +2,8 @@
 
     large_content.py PALPATE
 
-One server puts a mesh and removes another; a second one fetches nothing until it is asked. Then
-content is taken from the bucket, as a mistake of an operator would.
+One server stores a mesh; a second one fetches nothing until it is asked. Then all content is purged
+from the bucket, as an operator might do by mistake.
 """
 
 import json

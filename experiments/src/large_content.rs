@@ -3,9 +3,10 @@
 //!
 //! The cluster runs already; its address is an argument. Two stores on it get the same objects with
 //! the same mesh files: one puts content in objects beside the stream, as servers do; the other has
-//! all of it in messages of the stream, as before. A second server, a process of its own, is
-//! started on each in turn: until it listens, and until it has checked all records. Then it is asked
-//! for one mesh. All processes share one machine. The figures are of this second server.
+//! all of it in messages of the stream, as before. A second server, a process of its own, starts on
+//! each store in turn. The experiment measures the time until it listens and until it has checked all
+//! records, then reads one mesh from it. All processes share one machine. The figures are of this
+//! second server.
 
 use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};

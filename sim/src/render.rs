@@ -20,8 +20,8 @@ const TOUCH: [u8; 3] = [214, 62, 42];
 /// dimension: touches lie inside the surface by the covering's indentation.
 const TOUCH_DEPTH: f64 = 0.05;
 
-/// Pixels that all triangles of a picture may cover, one behind the other; of a mesh with more,
-/// every so many-th triangle is drawn. Chosen: about a second, and 400 times a whole small picture.
+/// Pixels that the triangles of a picture may cover in all, counted once for each triangle. Chosen:
+/// about 400 times the pixels of a small picture.
 const PIXELS_MAX: f64 = 1e8;
 
 /// Viewing direction of a mesh.
@@ -74,9 +74,7 @@ fn drawn(mesh: &Mesh, view: View, size: usize, points: &[DVec3]) -> Canvas {
     let n_triangles = mesh.triangles().len();
     let seen = |triangle: usize| mesh.corners(triangle).map(in_picture);
     let pixels: f64 = (0..n_triangles).map(|triangle| pixels_of(&seen(triangle))).sum();
-    // Only meshes of long slivers, or of large triangles one behind the other, have that many.
-    let every = (pixels / PIXELS_MAX).ceil().max(1.0) as usize;
-    for triangle in (0..n_triangles).step_by(every) {
+    for triangle in (0..n_triangles).step_by(step(pixels)) {
         let normal = view.rotation * mesh.normal(triangle);
         canvas.add_triangle(&seen(triangle), shade(normal, SURFACE));
     }
@@ -85,6 +83,12 @@ fn drawn(mesh: &Mesh, view: View, size: usize, points: &[DVec3]) -> Canvas {
         canvas.add_dot(in_picture(*point), through, (size as f64 / 220.0).max(1.0), TOUCH);
     }
     canvas
+}
+
+/// 1 if all triangles are drawn, 2 if every second one is, and so on: only meshes of long slivers, or
+/// of many large triangles, cover too many `pixels`.
+fn step(pixels: f64) -> usize {
+    (pixels / PIXELS_MAX).ceil().max(1.0) as usize
 }
 
 /// Light from above the viewer's left shoulder; back faces are as bright as front faces.
@@ -124,19 +128,25 @@ mod tests {
     }
 
     #[test]
-    fn large_triangles_one_behind_the_other_are_not_all_drawn() {
-        // Half of a picture of 512 pixels, a thousand times over: a third is drawn.
-        let n = 3_000;
-        let corner = |at: u32| {
-            let depth = f64::from(at / 3) * 1e-6;
-            [DVec3::ZERO, DVec3::X, DVec3::Z][at as usize % 3] + depth * DVec3::Y
+    fn of_too_many_large_triangles_only_some_are_drawn() {
+        let view = View::default();
+        let towards_viewer = view.rotation.inverse() * DVec3::Z;
+        // The second triangle is tilted, in front of all others.
+        let mesh = |n: u32| {
+            let corner = |at: u32| {
+                let own = [DVec3::ZERO, DVec3::X, DVec3::Z][at as usize % 3];
+                own + towards_viewer * [0.0, 0.1 * f64::from(1 + at % 3)][usize::from(at / 3 == 1)]
+            };
+            let triangles = (0..n).map(|at| [3 * at, 3 * at + 1, 3 * at + 2]).collect();
+            Mesh::new((0..3 * n).map(corner).collect(), triangles).unwrap()
         };
-        let triangles = (0..n).map(|at| [3 * at, 3 * at + 1, 3 * at + 2]).collect();
-        let mesh = Mesh::new((0..3 * n).map(corner).collect(), triangles).unwrap();
-        let seen =
-            mesh.corners(0).map(|at| View::default().rotation * at * 0.92 * 512.0 / 2f64.sqrt());
-        assert!(f64::from(n) * pixels_of(&seen) > PIXELS_MAX, "{}", pixels_of(&seen));
-        assert!(drawn(&mesh, View::default(), 512, &[]).count(BACKGROUND) < 512 * 512 * 9 / 10);
+        let shows_second = |n: u32| {
+            let (mesh, normal) = (mesh(n), mesh(2).normal(1));
+            drawn(&mesh, view, 512, &[]).count(shade(view.rotation * normal, SURFACE)) > 0
+        };
+        assert!(shows_second(2));
+        assert!(!shows_second(4_000));
+        assert_eq!([0.0, PIXELS_MAX, 2.5 * PIXELS_MAX].map(step), [1, 1, 3]);
     }
 
     #[test]

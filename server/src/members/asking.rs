@@ -1,9 +1,8 @@
 //! Questions to several members at once: one message to each with all its blocks, the first copy
 //! first.
 //!
-//! If a member cannot answer for a block, the block's next holder is asked at once. If a member takes
-//! long, the next holder is asked as well, and the first answer counts: all answers are equal bit for
-//! bit.
+//! The next holder of a block is asked at once when a member cannot answer, and also when a member
+//! takes long. The first answer counts, since all answers are equal bit for bit.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
