@@ -168,7 +168,7 @@ impl Component {
 
     /// The first pair proposes poses of all objects, or of the candidates.
     fn propose_by_first_pair(&mut self, common: &Common) {
-        let shares = self.retrieve(common, &[0], true);
+        let shares = self.retrieve(common, &[0]);
         let n = shares.as_ref().map(|_| {
             let budget = &common.options.budget;
             budget.n_listed(n_searched(&self.objects)).min(budget.many.listed_for_pair)
@@ -240,7 +240,7 @@ impl Component {
             (false, false, false) => budget.partners,
         };
         let partners = partners(&self.touches, n_partners);
-        let shares = self.retrieve(common, &partners, poor);
+        let shares = self.retrieve(common, &partners);
         let asked = in_turn(&partners, shares.as_deref(), n, options);
         let reach =
             if poor || is_rejected { f64::INFINITY } else { f64::from(options.score.drop_between) };
@@ -273,9 +273,9 @@ impl Component {
     }
 
     /// Looks the newest touch up in the joint table with each partner; `None` without a table.
-    fn retrieve(&mut self, common: &Common, partners: &[usize], all: bool) -> Option<Vec<f32>> {
+    fn retrieve(&mut self, common: &Common, partners: &[usize]) -> Option<Vec<f32>> {
         let options = &common.options;
-        retrieve(&mut self.objects, &common.model, &self.touches, partners, all, options)
+        retrieve(&mut self.objects, &common.model, &self.touches, partners, options)
     }
 
     fn refine(&mut self, common: &Common) {

@@ -7,16 +7,14 @@ use crate::observe::observation::Observation;
 use crate::options::{Budget, SurfaceOptions};
 use crate::propose::retrieval::{gains, mean_of};
 
-/// Objects that are looked up after the second touch, per candidate.
-const LOOKED_UP: usize = 2;
-
 /// Number of eighths in a full list of candidates.
 const EIGHTHS: usize = 8;
 
-/// Looks the newest touch up with each partner and updates the retrieval scores of all objects,
-/// or only of those with the best scores; the others keep theirs. Returns for each partner the
-/// share of an object's pairs with about the observed geometry (mean over the objects looked
-/// up); `None` when there is no newest touch, and in a small catalogue.
+/// Looks the newest touch up with each partner and updates the retrieval scores of all objects
+/// that are not ruled out. Whichever has the best scores so far, all are looked up: an object that
+/// is behind after two touches is often ahead after four. Returns for each partner the share of an
+/// object's pairs with about the observed geometry (catalogue mean); `None` when there is no newest
+/// touch, and in a small catalogue.
 ///
 /// Equation R19 of docs/recogniser.md.
 pub(super) fn retrieve(
@@ -24,27 +22,20 @@ pub(super) fn retrieve(
     model: &SurfaceModel,
     touches: &[Observation],
     partners: &[usize],
-    all: bool,
     options: &SurfaceOptions,
 ) -> Option<Vec<f32>> {
     let [earlier @ .., newest] = touches else { return None };
     if !model.is_large() {
         return None;
     }
-    let n_listed = options.budget.n_listed(n_searched(objects));
-    let bar = match all {
-        true => f64::NEG_INFINITY,
-        false => retrieval_bar(objects, n_listed.saturating_mul(LOOKED_UP)),
-    };
-    let is_wanted = |object: &ObjectBelief| !object.is_ruled_out && object.retrieval_score >= bar;
-    let wanted: Vec<bool> = objects.iter().map(is_wanted).collect();
+    let wanted: Vec<bool> = objects.iter().map(|object| !object.is_ruled_out).collect();
     let partners: Vec<&Observation> = partners.iter().map(|n| &earlier[*n]).collect();
     let found = look_up(objects, model, newest, &partners, &wanted, options);
-    let looked_up = objects.iter().zip(&wanted).filter(|(o, wanted)| **wanted && !o.is_ruled_out);
-    let n_wanted = looked_up.count().max(1);
+    // After the lookup, which leaves out what does not answer.
+    let n_searched = n_searched(objects).max(1);
     let mut shares = Vec::with_capacity(partners.len());
     for estimates in found {
-        shares.push(mean_of(&estimates, n_wanted, |estimate| estimate.geometry));
+        shares.push(mean_of(&estimates, n_searched, |estimate| estimate.geometry));
         let Some(gains) = gains(&estimates, options.retrieval_floor) else { continue };
         for ((object, estimate), gain) in objects.iter_mut().zip(&estimates).zip(gains) {
             let (Some(estimate), Some(gain)) = (estimate, gain) else { continue };
@@ -71,6 +62,7 @@ pub(super) fn n_candidates(budget: &Budget, n: usize, n_touches: usize, is_open:
     let most = budget.n_listed(n) * eighths / EIGHTHS;
     if is_open { most } else { most / n_touches.saturating_sub(2).max(1) }
 }
+
 #[cfg(test)]
 mod tests {
     use palpate_core::pose::Pose;
@@ -89,22 +81,22 @@ mod tests {
     }
 
     #[test]
-    fn an_object_that_is_not_looked_up_keeps_its_score() {
+    fn objects_far_behind_are_looked_up_as_well() {
         let all: Vec<_> = (0..40).map(|index| places(60, index)).collect();
         let model = model_of(&all);
-        let touches = [3, 50].map(|touch| seen(&all[2][touch], &some_pose(5)));
+        let touches = [3, 50].map(|touch| seen(&all[30][touch], &some_pose(5)));
         let mut options = SurfaceOptions::default();
-        // Lists of seven; twice as many are looked up.
+        // Lists of seven.
         options.budget.many.listed_per_root = 1;
         let object = |n| ObjectBelief { retrieval_score: -f64::from(n), ..ObjectBelief::new(0.0) };
         let mut objects: Vec<ObjectBelief> = (0..40).map(object).collect();
-        let shares = retrieve(&mut objects, &model, &touches, &[0], false, &options).unwrap();
-        assert!(shares.len() == 1 && (1e-4..0.2).contains(&shares[0]), "{shares:?}");
+        objects[7] = ObjectBelief { retrieval_score: -7.0, ..ObjectBelief::new(f64::NEG_INFINITY) };
+        let shares = retrieve(&mut objects, &model, &touches, &[0], &options).unwrap();
+        assert!(shares.iter().all(|share| (1e-4..0.2).contains(share)), "{shares:?}");
         let gained = |n: usize| objects[n].retrieval_score + n as f64;
-        assert!((14..40).all(|n| gained(n).abs() < 1e-12), "not looked up");
-        assert!((0..14).all(|n| gained(n).abs() > 1e-6), "looked up");
-        let sum: f64 = (0..14).map(gained).sum();
-        assert!(sum.abs() < 1e-9 && gained(2) > 0.0, "{sum}");
+        assert!((0..40).all(|n| (gained(n).abs() > 1e-6) == (n != 7)), "all but the one ruled out");
+        let sum: f64 = (0..40).map(gained).sum();
+        assert!(sum.abs() < 1e-9 && gained(30) > 0.0, "{sum}");
     }
 
     #[test]
@@ -113,12 +105,12 @@ mod tests {
         let (model, options) = (model_of(&all), SurfaceOptions::default());
         let mut objects = vec![ObjectBelief::new(0.0); 40];
         let touch = seen(&all[0][0], &Pose::IDENTITY);
-        let found = retrieve(&mut objects, &model, &[touch.clone(), touch], &[0], true, &options);
+        let found = retrieve(&mut objects, &model, &[touch.clone(), touch], &[0], &options);
         // At one place: no pair, no gain.
         assert!(
             found.unwrap()[0].abs() < 1e-9
                 && objects.iter().all(|o| o.retrieval_score.abs() < 1e-9)
         );
-        assert_eq!(retrieve(&mut objects, &model, &[], &[], true, &options), None);
+        assert_eq!(retrieve(&mut objects, &model, &[], &[], &options), None);
     }
 }

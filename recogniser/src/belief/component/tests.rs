@@ -105,7 +105,7 @@ fn the_joint_table_and_an_objects_own_pairs_are_on_one_scale() {
     let all = objects(40, 60);
     let common = common(&all);
     let mut component = observed(&common, &[&all[2][3], &all[2][50]]);
-    component.retrieve(&common, &[0], true).unwrap();
+    component.retrieve(&common, &[0]).unwrap();
     let by_table: Vec<PairEvidence> = component.objects.iter().map(|object| object.pair).collect();
     component.propose_by_first_pair(&common);
     let mut n_posed = 0;
