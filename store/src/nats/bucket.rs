@@ -22,9 +22,9 @@ use tokio::io::AsyncReadExt;
 /// Maximum number of attempts to find or make the bucket while a cluster elects its leaders.
 const SETUP_ATTEMPTS: u32 = 40;
 /// Pause between attempts.
-const PAUSE: Duration = Duration::from_millis(250);
+pub(super) const PAUSE: Duration = Duration::from_millis(250);
 /// Number of times that an object is looked for. A copy that is behind does not have it yet.
-const LOOKS: u32 = 8;
+pub(super) const LOOKS: u32 = 8;
 /// Time in which a listing goes on.
 const LISTED_WITHIN: Duration = Duration::from_secs(30);
 

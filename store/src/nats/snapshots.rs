@@ -6,12 +6,12 @@
 use std::path::Path;
 
 use async_nats::jetstream::context::ContextBuilder;
-use async_nats::jetstream::object_store::Object;
+use async_nats::jetstream::object_store::{GetErrorKind, InfoErrorKind, Object};
 use async_nats::jetstream::stream::LastRawMessageErrorKind;
 use tokio::fs::File;
 use tokio::runtime::{Builder, Runtime};
 
-use super::bucket::Bucket;
+use super::bucket::{Bucket, LOOKS, PAUSE};
 use super::options::NatsOptions;
 use super::setup::{self, ANSWER_WITHIN, REPLICAS};
 use crate::engine::opening::OpenError;
@@ -146,14 +146,16 @@ impl Bucket {
 
     /// An object that is read from its beginning, with its hash checked at its end.
     async fn open_object(&self, name: &str) -> Result<Object, String> {
-        let object = self.store.get(name).await;
+        let get = async || self.store.get(name).await;
+        let object = looked_for(get, |error| error.kind() == GetErrorKind::NotFound).await;
         object.map_err(|error| format!("cannot read {name} of {}: {error}", self.name))
     }
 
     /// When the last chunk of an object was stored, seconds since 1970 by the cluster's clock.
     async fn stored_at_s(&self, name: &str) -> Result<Option<i64>, String> {
-        let info = self.store.info(name).await.map_err(|error| error.to_string())?;
-        self.nameless_at_s(&info.nuid).await
+        let get = async || self.store.info(name).await;
+        let info = looked_for(get, |error| error.kind() == InfoErrorKind::NotFound).await;
+        self.nameless_at_s(&info.map_err(|error| error.to_string())?.nuid).await
     }
 
     /// The same of content by its id.
@@ -164,4 +166,19 @@ impl Bucket {
             Err(error) => Err(error.to_string()),
         }
     }
+}
+
+/// The answer of `ask`, which is asked again while the object is missing: any copy of the bucket
+/// answers, and one that is behind does not have what another one has just acknowledged.
+async fn looked_for<T, E>(
+    ask: impl AsyncFn() -> Result<T, E>,
+    is_missing: impl Fn(&E) -> bool,
+) -> Result<T, E> {
+    for _ in 1..LOOKS {
+        match ask().await {
+            Err(error) if is_missing(&error) => tokio::time::sleep(PAUSE).await,
+            answer => return answer,
+        }
+    }
+    ask().await
 }

@@ -302,6 +302,15 @@ fn snapshots_are_kept_in_an_object_store() {
     snapshots.get("b.snapshot", std::fs::File::create(&copy).unwrap()).unwrap();
     assert!(std::fs::read(&copy).unwrap() == samples::mesh_file(700_000), "another file");
     snapshots.remove_interrupted("b.snapshot").unwrap();
+    // A copy of the bucket that is behind says at first that there is no such object.
+    std::thread::scope(|scope| {
+        let reading = scope.spawn(|| snapshots.get("late", std::fs::File::create(&copy).unwrap()));
+        std::thread::sleep(Duration::from_millis(600));
+        snapshots.put("late", &file).unwrap();
+        reading.join().unwrap().unwrap();
+    });
+    assert!(std::fs::read(&copy).unwrap() == samples::mesh_file(5), "another file");
+    snapshots.remove("late").unwrap();
     snapshots.remove("b.snapshot").unwrap();
     snapshots.remove("b.snapshot").unwrap();
     let gone = snapshots.get("b.snapshot", std::fs::File::create(&copy).unwrap()).unwrap_err();
