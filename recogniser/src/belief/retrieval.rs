@@ -11,10 +11,10 @@ use crate::propose::retrieval::{gains, mean_of};
 const EIGHTHS: usize = 8;
 
 /// Looks the newest touch up with each partner and updates the retrieval scores of all objects
-/// that are not ruled out. Whichever has the best scores so far, all are looked up: an object that
-/// is behind after two touches is often ahead after four. Returns for each partner the share of an
-/// object's pairs with about the observed geometry (catalogue mean); `None` when there is no newest
-/// touch, and in a small catalogue.
+/// that are not ruled out, however far they are behind: an object that is behind after two touches
+/// may lead after four. Returns for each partner the share of an object's pairs with about the
+/// observed geometry (catalogue mean); `None` when there is no newest touch, and in a small
+/// catalogue.
 ///
 /// Equation R19 of docs/recogniser.md.
 pub(super) fn retrieve(

@@ -1,8 +1,8 @@
 //! Questions to several members at once: one message to each with all its blocks, the first copy
 //! first.
 //!
-//! The next holder of a block is asked at once when a member cannot answer, and also when a member
-//! takes long. The first answer counts, since all answers are equal bit for bit.
+//! When a member cannot answer or takes long, the next holder of the block is asked. The first
+//! answer counts, since all answers are equal bit for bit.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;

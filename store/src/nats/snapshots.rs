@@ -168,8 +168,8 @@ impl Bucket {
     }
 }
 
-/// The answer of `ask`, which is asked again while the object is missing: any copy of the bucket
-/// answers, and one that is behind does not have what another one has just acknowledged.
+/// Asks again while the object is missing, at most [`LOOKS`] times. Any copy of the bucket answers,
+/// and one that is behind does not have what another has just acknowledged.
 async fn looked_for<T, E>(
     ask: impl AsyncFn() -> Result<T, E>,
     is_missing: impl Fn(&E) -> bool,
