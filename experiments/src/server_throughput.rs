@@ -133,7 +133,7 @@ async fn run_against(
         lines.push(Line { name: name.to_owned(), points });
     }
     progress("60 % of the peak", 0, 1);
-    report.summarise("p99_ms_at_60_percent", p99_at(client, 0.6 * peak, &readings, config).await?);
+    open_loop(client, 0.6 * peak, &readings, config, &mut report).await?;
     cost::report(config, server, &readings, &mut report, progress).await?;
     let panel = Panel {
         title: "readings through the whole service".to_owned(),
@@ -158,13 +158,15 @@ pub(crate) async fn prepare(
     touched.collect()
 }
 
-/// Latency that 99 % of requests do not exceed when `rate` readings a second are due, milliseconds.
-async fn p99_at(
+/// Reports the latencies of all requests and of each kind when `rate` of them a second are due,
+/// 60 % of the largest rate of readings.
+async fn open_loop(
     client: &Client,
     rate: f64,
     readings: &[Vec<core_reading::Reading>],
     config: &ServerThroughput,
-) -> anyhow::Result<f64> {
+    report: &mut Report,
+) -> anyhow::Result<()> {
     let load = LoadConfig {
         seed: config.seed,
         catalogue: CATALOGUE.to_owned(),
@@ -185,7 +187,15 @@ async fn p99_at(
     let measured =
         palpate_load::run(&load, client, touches, &MemorySource::Metrics, |_| ()).await?;
     let step = measured.steps.first().context("one rate, one step")?;
-    Ok(step.accepted_latency.as_ref().context("some requests are accepted")?.p99_ms)
+    let all = step.accepted_latency.as_ref().context("some requests are accepted")?;
+    report.summarise("p99_ms_at_60_percent", all.p99_ms);
+    for kind in &step.operations {
+        let Some(latency) = &kind.accepted_latency else { continue };
+        let name = kind.operation.name();
+        report.summarise(&format!("p50_ms_at_60_percent_{name}"), latency.p50_ms);
+        report.summarise(&format!("p99_ms_at_60_percent_{name}"), latency.p99_ms);
+    }
+    Ok(())
 }
 
 /// Posts about `n` readings in a closed loop.

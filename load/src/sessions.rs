@@ -3,6 +3,10 @@
 //! A robot does not wait for the answer to a reading before it sends the next one, as on a
 //! real arm. It does wait for the start of its session, and for its last answers before it
 //! closes it; and, if polite, as long as `Retry-After` says.
+//!
+//! Robots of a fleet do not touch in step, and neither do these: their first sessions differ in
+//! the number of readings. Otherwise all would start, search and close at once, and the latency
+//! would be that of these waves.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -53,6 +57,8 @@ struct Robot {
     object: usize,
     session_from_object: Pose,
     seq: u64,
+    /// Readings of its present or next session.
+    readings: u32,
     /// Accepted readings of the session, and finally failed ones.
     accepted: u32,
     failed: u32,
@@ -65,15 +71,17 @@ struct Robot {
 
 impl Sessions {
     pub(super) fn new(config: &LoadConfig, touches: Touches) -> Self {
-        let robots = (0..config.sessions.max(1))
-            .map(|number| Robot::new(number, config.seed, touches.n_objects()))
-            .collect();
+        let readings_max = config.readings_per_session.max(1);
+        let robot = |number: usize| {
+            let readings = 1 + number as u32 % readings_max;
+            Robot { readings, ..Robot::new(number, config.seed, touches.n_objects()) }
+        };
+        let robots = (0..config.sessions.max(1)).map(robot).collect();
         let create = CreateSession {
             catalogue: Some(config.catalogue.clone()),
             method: config.method,
             ..CreateSession::default()
         };
-        let readings_max = config.readings_per_session.max(1);
         let (touches, begun) = (Arc::new(touches), Instant::now());
         Self { robots, next: 0, readings_max, touches, create, begun }
     }
@@ -83,11 +91,11 @@ impl Sessions {
     /// it was due.
     pub(super) fn take(&mut self, wanted: Operation, due: Instant) -> Option<Errand> {
         let n = self.robots.len();
-        let robot = (0..n).map(|step| (self.next + step) % n).find(|robot| {
-            self.robots[*robot].operation(wanted, self.readings_max, due).is_some()
-        })?;
+        let robot = (0..n)
+            .map(|step| (self.next + step) % n)
+            .find(|robot| self.robots[*robot].operation(wanted, due).is_some())?;
         self.next = (robot + 1) % n;
-        let operation = self.robots[robot].operation(wanted, self.readings_max, due)?;
+        let operation = self.robots[robot].operation(wanted, due)?;
         Some(Errand { robot, operation, request: self.request(robot, operation, due) })
     }
 
@@ -140,6 +148,9 @@ impl Sessions {
             Operation::Close => {
                 robot.session = robot.session.filter(|_| is_refused);
                 robot.is_turning = false;
+                if robot.session.is_none() {
+                    robot.readings = readings_max;
+                }
             }
             Operation::Reading => {
                 robot.readings_under_way -= 1;
@@ -147,7 +158,7 @@ impl Sessions {
                     Answer::Accepted => robot.accepted += 1,
                     Answer::Refused { .. } => {}
                     // The session ended: this robot starts another one.
-                    Answer::Other { status: 404 | 409 | 410, .. } => robot.failed = readings_max,
+                    Answer::Other { status: 404 | 409 | 410, .. } => robot.failed = robot.readings,
                     Answer::Other { .. } | Answer::Lost { .. } => robot.failed += 1,
                 }
             }
@@ -170,6 +181,7 @@ impl Robot {
             object: number % n_objects,
             session_from_object: Pose::IDENTITY,
             seq: 0,
+            readings: 1,
             accepted: 0,
             failed: 0,
             readings_under_way: 0,
@@ -180,18 +192,18 @@ impl Robot {
     }
 
     /// The request that the robot sends when `wanted` is due, if any.
-    fn operation(&self, wanted: Operation, readings_max: u32, now: Instant) -> Option<Operation> {
+    fn operation(&self, wanted: Operation, now: Instant) -> Option<Operation> {
         if self.is_turning || self.waits_until.is_some_and(|until| until > now) {
             return None;
         }
         let done = self.accepted + self.failed;
         match (self.session, wanted) {
             (None, _) => (self.under_way == 0).then_some(Operation::Create),
-            (Some(_), _) if done >= readings_max => {
+            (Some(_), _) if done >= self.readings => {
                 (self.under_way == 0).then_some(Operation::Close)
             }
             (Some(_), Operation::Reading) => {
-                (done + self.readings_under_way < readings_max).then_some(Operation::Reading)
+                (done + self.readings_under_way < self.readings).then_some(Operation::Reading)
             }
             (Some(_), Operation::NextTouches) => {
                 (self.accepted > 0).then_some(Operation::NextTouches)
@@ -223,4 +235,71 @@ impl Robot {
 /// A time since the start of the run, on a simulated clock that starts at 0.
 fn stamp(since: Duration) -> Stamp {
     Stamp { sec: since.as_secs(), nanosec: since.subsec_nanos() }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::VecDeque;
+
+    use palpate_core::reading::{Reading, SensorId};
+    use palpate_core::sensor::SensorDescription;
+
+    use super::*;
+    use crate::operation::Mix;
+    use crate::schedule::Arrivals;
+
+    /// Sessions whose requests are each answered after two more were sent: the robots' requests.
+    fn requests(sessions: usize, n: usize) -> Vec<Operation> {
+        let sensor = SensorDescription::digitacts_6x6();
+        let reading = Reading::new(SensorId(1), &sensor, &[Some(0.0); 36], Pose::IDENTITY).unwrap();
+        let config = LoadConfig {
+            seed: 1,
+            catalogue: "load".to_owned(),
+            method: None,
+            belief: palpate_schemas::BeliefDetail::Full,
+            rates: vec![1.0],
+            arrivals: Arrivals::Constant,
+            duration: Duration::from_secs(1),
+            warmup: Duration::ZERO,
+            soak: None,
+            sessions,
+            readings_per_session: 10,
+            mix: Mix { readings: 1.0, beliefs: 0.0, next_touches: 0.0 },
+            in_flight_max: 8,
+            polite: false,
+        };
+        let mut robots = Sessions::new(&config, Touches::new(vec![vec![reading]]).unwrap());
+        let (mut under_way, mut sent) = (VecDeque::new(), Vec::new());
+        for _ in 0..n {
+            let errand = robots.take(Operation::Reading, Instant::now()).unwrap();
+            sent.push(errand.operation);
+            under_way.push_back((errand.robot, errand.operation));
+            if under_way.len() > 2 {
+                let (robot, operation) = under_way.pop_front().unwrap();
+                let created = (operation == Operation::Create).then(Uuid::now_v7);
+                robots.answered(robot, operation, &Answer::Accepted, created, None);
+            }
+        }
+        sent
+    }
+
+    #[test]
+    fn robots_do_not_touch_in_step() {
+        let sent = requests(60, 6_000);
+        // In each round of 60 requests a tenth of the robots start a session or end one; in step
+        // all would at once.
+        for round in sent[1_200..].chunks(60) {
+            let n = |kind| round.iter().filter(|it| **it == kind).count();
+            let (starts, ends) = (n(Operation::Create), n(Operation::Close));
+            assert!(starts <= 8 && ends <= 8, "{starts} starts, {ends} ends");
+        }
+    }
+
+    #[test]
+    fn sessions_after_the_first_have_all_their_readings() {
+        let sent = requests(4, 2_000);
+        let n = |kind| sent[100..].iter().filter(|it| **it == kind).count() as f64;
+        let readings_per_session = n(Operation::Reading) / n(Operation::Create);
+        assert!((readings_per_session - 10.0).abs() < 0.2, "{readings_per_session}");
+    }
 }
