@@ -7,6 +7,7 @@
 //! `session_from_sensor`; the sensor moves along its own +z. Pure: the caller's `should_stop`
 //! bounds the time. Not here: controllers, which re-centre.
 
+mod ahead;
 mod candidates;
 mod footprint;
 mod information;
@@ -24,7 +25,7 @@ use crate::belief::{PoseSample, SurfaceBelief};
 use crate::model::SurfaceMap;
 use candidates::own_approaches;
 use footprint::{ExpectedContact, Hand, Ray, meet};
-use information::{Outcome, Scatter, information};
+use information::{Bits, Likeness, Outcome, Scatter, Shares};
 use palpate_core::log_prob::entropy_bits;
 use palpate_core::object::ObjectIdx;
 use palpate_core::pose::Pose;
@@ -111,6 +112,8 @@ pub struct Ranked {
     pub pose_bits: f64,
     /// The probability of a valid contact.
     pub contact_probability: f64,
+    /// The expected worth of the best press after this one; 0 where none was looked for.
+    pub later_worth: f64,
 }
 
 impl Ranked {
@@ -118,9 +121,14 @@ impl Ranked {
     /// contact, per cost if there is one. Equation R27 of docs/recogniser.md.
     #[must_use]
     pub fn worth(&self) -> f64 {
-        let bits = self.identity_bits + POSE_WORTH * self.pose_bits;
-        self.contact_probability * bits / self.approach.cost.unwrap_or(1.0)
+        let bits = Bits { identity: self.identity_bits, pose: self.pose_bits };
+        worth(bits, self.contact_probability, self.approach.cost)
     }
+}
+
+/// Equation R27 of docs/recogniser.md.
+fn worth(bits: Bits, contact_probability: f64, cost: Option<f64>) -> f64 {
+    contact_probability * (bits.identity + POSE_WORTH * bits.pose) / cost.unwrap_or(1.0)
 }
 
 /// Approaches, best first.
@@ -130,16 +138,8 @@ pub struct Ranking {
     pub ranked: Vec<Ranked>,
     /// Uncertainty about the identity now, "none of these" included, bits.
     pub entropy_bits: f64,
-    /// Number of approaches to evaluate.
-    pub n_approaches: usize,
-}
-
-impl Ranking {
-    /// Whether all approaches were evaluated.
-    #[must_use]
-    pub fn is_complete(&self) -> bool {
-        self.ranked.len() == self.n_approaches
-    }
+    /// Whether there was time for all approaches, and for the presses after the best of them.
+    pub is_complete: bool,
 }
 
 /// Reason for which no approach can be ranked.
@@ -154,12 +154,14 @@ pub enum NextTouchError {
 /// object is certainly none of them.
 const KNOWN_MIN: f64 = 1e-9;
 
-/// Ranks `given` approaches, or our own if there are none, by equation R27.
+/// Ranks `given` approaches, or our own if there are none, by equation R27, and the best of them by
+/// equation R27b, unless nothing was touched yet or an approach has a cost.
 ///
 /// Samples of objects whose map does not come are left out.
 ///
-/// `should_stop` is called before every approach but the first; the approaches evaluated until
-/// then are ranked. Equal arguments give equal answers if the same number is evaluated.
+/// `should_stop` is called before every approach but the first, and before every press of the best
+/// whose next ones are looked at; what was evaluated until then is ranked, by equation R27 alone if
+/// it was not all. Equal arguments give equal answers if both are complete.
 ///
 /// # Errors
 /// [`NextTouchError::NoTouch`] before the first touch without a workspace.
@@ -195,24 +197,40 @@ pub fn rank(
     };
     let hand = Hand { half_width: options.half_width as f32, recenters: options.recenters };
     let scatter = scatter(n_touches);
+    let known = samples.iter().map(|sample| (sample.object, sample.probability as f32));
+    let shares = Shares::new(known, unknown as f32);
+    let likeness = |approach: &Approach| {
+        let outcomes = outcomes(&maps, &samples, approach, &hand);
+        Likeness::of(&outcomes, unknown as f32, &scatter)
+    };
     let mut ranked = Vec::with_capacity(approaches.len());
     for (index, approach) in approaches.iter().enumerate() {
         if index > 0 && should_stop() {
             break;
         }
-        let outcomes = outcomes(&maps, &samples, approach, &hand);
-        let bits = information(&outcomes, unknown as f32, &scatter);
+        let likeness = likeness(approach);
+        let bits = likeness.information(&shares);
         ranked.push(Ranked {
             index,
             approach: *approach,
             identity_bits: bits.identity,
             pose_bits: bits.pose,
-            contact_probability: contact_probability(&outcomes),
+            contact_probability: likeness.contact_probability(&shares),
+            later_worth: 0.0,
         });
     }
     ranked.sort_by(|a, b| b.worth().total_cmp(&a.worth()).then(a.index.cmp(&b.index)));
+    let mut is_complete = ranked.len() == approaches.len();
+    if is_complete && n_touches > 0 && approaches.iter().all(|approach| approach.cost.is_none()) {
+        let best = ranked.iter().take(ahead::SECONDS);
+        let best: Vec<Likeness> = best.map(|ranked| likeness(&ranked.approach)).collect();
+        match ahead::later_worths(&best, &shares, should_stop) {
+            Some(later) => look_ahead(&mut ranked, &later),
+            None => is_complete = false,
+        }
+    }
     let entropy_bits = entropy_bits(&posterior);
-    Ok(Ranking { ranked, entropy_bits, n_approaches: approaches.len() })
+    Ok(Ranking { ranked, entropy_bits, is_complete })
 }
 
 /// The outcome of an approach under each sample.
@@ -246,13 +264,16 @@ fn outcome(map: &SurfaceMap, sample: &PoseSample, approach: &Approach, hand: &Ha
     Outcome { object: sample.object, probability: sample.probability as f32, met }
 }
 
-/// The probability of a contact if the object is a known one.
-fn contact_probability(outcomes: &[Outcome]) -> f64 {
-    let total: f32 = outcomes.iter().map(|outcome| outcome.probability).sum();
-    let met = outcomes.iter().filter_map(|o| Some(o.probability * o.met?.contact));
-    // The sum of an empty iterator is −0.
-    let contact = met.fold(0.0, |sum, contact| sum + contact);
-    if total > 0.0 { f64::from(contact / total) } else { 0.0 }
+/// Orders the first approaches by what they and the best press after them tell. Equation R27b of
+/// docs/recogniser.md.
+fn look_ahead(ranked: &mut [Ranked], later_worths: &[f64]) {
+    let firsts = &mut ranked[..later_worths.len()];
+    for (ranked, later_worth) in firsts.iter_mut().zip(later_worths) {
+        ranked.later_worth = *later_worth;
+    }
+    let both = |ranked: &Ranked| ranked.worth() + ranked.later_worth;
+    // Equal ones stay in their order.
+    firsts.sort_by(|a, b| both(b).total_cmp(&both(a)));
 }
 
 /// Scatter of outcomes.

@@ -78,9 +78,11 @@ pub struct NextTouches {
     pub entropy_bits: f64,
     /// Number of approaches evaluated.
     pub evaluated: u32,
-    /// False if the deadline came before all approaches were evaluated.
+    /// False if the deadline came before all approaches, and the presses after the best of them,
+    /// were evaluated.
     pub complete: bool,
-    /// The best evaluated approaches, best first.
+    /// The best evaluated approaches, best first. Without costs the first ones are ordered by what
+    /// they and the best press after them are expected to tell.
     pub touches: Vec<NextTouch>,
 }
 

@@ -6,6 +6,9 @@
 //! i. The information is the expected ln ratio of belief after to belief before, from the bound
 //! on the entropy of a mixture by Kolchinsky and Tracey (2017).
 
+use std::ops::Range;
+use std::sync::Arc;
+
 use super::footprint::ExpectedContact;
 use crate::model::agreement::STEPS;
 use palpate_core::object::ObjectIdx;
@@ -51,59 +54,134 @@ pub(super) struct Bits {
     pub(super) pose: f64,
 }
 
-/// The expected information of a press with these outcomes. Probabilities of the outcomes and
-/// `unknown` (of "none of these") sum to 1; equal objects stand together.
-pub(super) fn information(outcomes: &[Outcome], unknown: f32, scatter: &Scatter) -> Bits {
-    let n = outcomes.len();
-    let contact: f32 = outcomes.iter().map(|o| o.probability * o.contact()).sum();
-    let contact = if unknown < 1.0 { contact / (1.0 - unknown) } else { 0.0 };
-    let mut totals = vec![0.0f32; n];
-    let mut own = vec![0.0f32; n];
-    for (i, a) in outcomes.iter().enumerate() {
-        own[i] += a.probability;
-        totals[i] += a.probability;
-        for (j, b) in outcomes.iter().enumerate().skip(i + 1) {
-            let alike = alike(a, b, scatter);
-            totals[i] += b.probability * alike;
-            totals[j] += a.probability * alike;
-            if a.object == b.object {
-                own[i] += b.probability * alike;
-                own[j] += a.probability * alike;
+/// How alike the outcomes of one press are under each two samples, and under "none of these".
+pub(super) struct Likeness {
+    /// Row by row; the last row and column are those of "none of these".
+    alike: Vec<f32>,
+    /// Probability of a contact under each sample.
+    contacts: Vec<f32>,
+}
+
+impl Likeness {
+    /// Of these outcomes. Their probabilities and `unknown` (of "none of these") sum to 1.
+    pub(super) fn of(outcomes: &[Outcome], unknown: f32, scatter: &Scatter) -> Self {
+        let contacts: Vec<f32> = outcomes.iter().map(Outcome::contact).collect();
+        let contact: f32 = outcomes.iter().map(|o| o.probability * o.contact()).sum();
+        let contact = if unknown < 1.0 { contact / (1.0 - unknown) } else { 0.0 };
+        let width = outcomes.len() + 1;
+        let mut all = vec![1.0; width * width];
+        for (i, a) in outcomes.iter().enumerate() {
+            let mut set = |j: usize, alike: f32| {
+                all[i * width + j] = alike;
+                all[j * width + i] = alike;
+            };
+            for (j, b) in outcomes.iter().enumerate().skip(i + 1) {
+                set(j, alike(a, b, scatter));
+            }
+            let missed = ((1.0 - contact) * (1.0 - a.contact())).sqrt();
+            set(width - 1, missed + UNKNOWN_ALIKE * (contact * a.contact()).sqrt());
+        }
+        Self { alike: all, contacts }
+    }
+
+    fn row(&self, sample: usize) -> &[f32] {
+        let width = self.contacts.len() + 1;
+        &self.alike[sample * width..(sample + 1) * width]
+    }
+
+    /// The expected information of the press under a belief.
+    pub(super) fn information(&self, belief: &Shares) -> Bits {
+        let mut bits = Bits::default();
+        for object in &*belief.objects {
+            let within = &belief.shares[object.clone()];
+            let prior: f32 = within.iter().sum();
+            for (sample, share) in object.clone().zip(within) {
+                if *share == 0.0 {
+                    continue;
+                }
+                let row = self.row(sample);
+                let own = dot(&row[object.clone()], within);
+                let total = dot(row, &belief.shares);
+                bits.identity += f64::from(*share) * f64::from(own / total / prior).log2();
+                bits.pose += f64::from(*share) * f64::from(prior / own).log2();
             }
         }
+        Bits { identity: bits.identity.max(0.0), pose: bits.pose.max(0.0) }
     }
-    let mut bits = Bits::default();
-    let mut prior = 0.0;
-    let mut of_unknown = unknown;
-    for (i, a) in outcomes.iter().enumerate() {
-        if i == 0 || outcomes[i - 1].object != a.object {
-            prior = share_of(&outcomes[i..], a.object);
+
+    /// The probability of a contact if the object is a known one.
+    pub(super) fn contact_probability(&self, belief: &Shares) -> f64 {
+        let shares = &belief.shares[..self.contacts.len()];
+        let known: f32 = shares.iter().sum();
+        if known > 0.0 { f64::from(dot(&self.contacts, shares) / known) } else { 0.0 }
+    }
+
+    /// The belief after the press if this sample is the truth: each share is scaled by the likeness
+    /// to it. Shares below `least` become 0.
+    pub(super) fn after(&self, before: &Shares, truth: usize, least: f32) -> Shares {
+        let mut shares: Vec<f32> =
+            before.shares.iter().zip(self.row(truth)).map(|(share, alike)| share * alike).collect();
+        let total: f32 = shares.iter().sum();
+        for share in &mut shares {
+            *share = if *share < least * total { 0.0 } else { *share / total };
         }
-        let both = ((1.0 - contact) * (1.0 - a.contact())).sqrt()
-            + UNKNOWN_ALIKE * (contact * a.contact()).sqrt();
-        let total = totals[i] + unknown * both;
-        of_unknown += a.probability * both;
-        let probability = f64::from(a.probability);
-        bits.identity += probability * f64::from(own[i] / total / prior).log2();
-        bits.pose += probability * f64::from(prior / own[i]).log2();
+        Shares { shares, objects: Arc::clone(&before.objects) }
     }
-    if unknown > 0.0 {
-        bits.identity -= f64::from(unknown) * f64::from(of_unknown).log2();
+}
+
+/// A belief over samples and "none of these", which comes last.
+pub(super) struct Shares {
+    shares: Vec<f32>,
+    /// The samples of each object, and "none of these".
+    objects: Arc<[Range<usize>]>,
+}
+
+impl Shares {
+    /// Of samples with their objects, of which equal ones stand together, and of "none of these".
+    pub(super) fn new(samples: impl IntoIterator<Item = (ObjectIdx, f32)>, unknown: f32) -> Self {
+        let (of, mut shares): (Vec<ObjectIdx>, Vec<f32>) = samples.into_iter().unzip();
+        shares.push(unknown);
+        let (mut objects, mut begin) = (Vec::new(), 0);
+        for object in of.chunk_by(|a, b| a == b) {
+            objects.push(begin..begin + object.len());
+            begin += object.len();
+        }
+        objects.push(begin..begin + 1);
+        Self { shares, objects: objects.into() }
     }
-    Bits { identity: bits.identity.max(0.0), pose: bits.pose.max(0.0) }
+
+    /// The share of each sample, and of "none of these".
+    pub(super) fn shares(&self) -> &[f32] {
+        &self.shares
+    }
+}
+
+/// Σ a b, in eight sums side by side, so that the processor adds them at once.
+fn dot(a: &[f32], b: &[f32]) -> f32 {
+    let (wide_a, wide_b) = (a.chunks_exact(8), b.chunks_exact(8));
+    let rest: f32 = wide_a.remainder().iter().zip(wide_b.remainder()).map(|(a, b)| a * b).sum();
+    let mut sums = [0.0; 8];
+    for (a, b) in wide_a.zip(wide_b) {
+        for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
+            *sum += a * b;
+        }
+    }
+    sums.iter().sum::<f32>() + rest
+}
+
+/// The expected information of a press with these outcomes, before any press.
+#[cfg(test)]
+pub(super) fn information(outcomes: &[Outcome], unknown: f32, scatter: &Scatter) -> Bits {
+    let shares = Shares::new(outcomes.iter().map(|o| (o.object, o.probability)), unknown);
+    Likeness::of(outcomes, unknown, scatter).information(&shares)
 }
 
 /// The information on the identity, bits, if one of several objects is the true one and all were
 /// equally probable: `alike` has the likeness of the outcome under each other object to its own.
-/// Equation R27a of docs/recogniser.md, and the term of one sample in [`information`].
+/// Equation R27a of docs/recogniser.md, and the term of one sample in [`Likeness::information`].
 pub(super) fn bits_if_true(alike: &[f32]) -> f64 {
     let total: f64 = alike.iter().map(|alike| f64::from(*alike)).sum();
     ((1.0 + alike.len() as f64) / (1.0 + total)).log2()
-}
-
-/// The probability of the object whose outcomes come first.
-fn share_of(outcomes: &[Outcome], object: ObjectIdx) -> f32 {
-    outcomes.iter().take_while(|o| o.object == object).map(|o| o.probability).sum()
 }
 
 /// The Bhattacharyya coefficient of two outcomes, 1 for equal ones. Equation R26 of

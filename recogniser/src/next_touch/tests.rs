@@ -168,13 +168,14 @@ fn the_press_that_tells_objects_apart_comes_first() {
     let [best, shared, past] = [0, 1, 2].map(|place| ranking.ranked[place]);
     assert!(best.identity_bits > 1.1 * shared.identity_bits, "{ranking:?}");
     assert!(best.contact_probability > 0.7 && past.contact_probability.abs() < 1e-9);
-    assert!(ranking.is_complete() && ranking.entropy_bits > 0.3);
+    assert!(ranking.is_complete && ranking.entropy_bits > 0.3);
     // With a high cost the best approach loses the first rank.
     let mut costly = approaches;
     costly.iter_mut().for_each(|approach| approach.cost = Some(1.0));
     costly[1].cost = Some(1e3);
     let ranking = rank(&belief, Some(&costly), &options, &mut || false).unwrap();
     assert_eq!(ranking.ranked[0].index, 0, "{ranking:?}");
+    assert!(ranking.ranked.is_sorted_by(|a, b| a.worth() >= b.worth()), "{ranking:?}");
 }
 
 #[test]
@@ -188,17 +189,34 @@ fn equal_seeds_give_equal_answers_and_a_stop_leaves_a_valid_one() {
     assert_eq!(whole, ask(&options));
     assert_ne!(whole.ranked, ask(&NextTouchOptions { seed: 8, ..options }).ranked);
     assert_eq!(whole.ranked.len(), options.n_approaches);
-    let worths: Vec<f64> = whole.ranked.iter().map(Ranked::worth).collect();
-    assert!(worths.is_sorted_by(|a, b| a >= b), "{worths:?}");
+    let with_later = |ranked: &Ranked| ranked.worth() + ranked.later_worth;
+    let (firsts, others) = whole.ranked.split_at(ahead::FIRSTS);
+    assert!(firsts.is_sorted_by(|a, b| with_later(a) >= with_later(b)), "{firsts:?}");
+    assert!(
+        firsts.iter().all(|first| first.later_worth > 0.0 && first.worth() >= others[0].worth())
+    );
+    assert!(others.is_sorted_by(|a, b| a.worth() >= b.worth()), "{others:?}");
+    assert!(others.iter().all(|other| other.later_worth.abs() < 1e-12), "{others:?}");
     let mut asked = 0;
     let mut stop = || {
         asked += 1;
         asked == 5
     };
     let cut = rank(&belief, None, &options, &mut stop).unwrap();
-    assert_eq!((cut.ranked.len(), cut.is_complete()), (5, false));
-    let in_both = |ranked: &Ranked| whole.ranked.contains(ranked);
+    assert_eq!((cut.ranked.len(), cut.is_complete), (5, false));
+    let alone = |ranked: &Ranked| Ranked { later_worth: 0.0, ..*ranked };
+    let whole: Vec<Ranked> = whole.ranked.iter().map(alone).collect();
+    let in_both = |ranked: &Ranked| whole.contains(ranked);
     assert!(cut.ranked.iter().all(in_both), "the first five are the same");
+    // All are evaluated, then time is up before the second press is looked at.
+    let mut asked = 0;
+    let mut stop = || {
+        asked += 1;
+        asked == options.n_approaches
+    };
+    let one_ahead = rank(&belief, None, &options, &mut stop).unwrap();
+    assert_eq!((one_ahead.ranked.len(), one_ahead.is_complete), (options.n_approaches, false));
+    assert!(one_ahead.ranked.is_sorted_by(|a, b| a.worth() >= b.worth()), "{one_ahead:?}");
 }
 
 #[test]

@@ -125,7 +125,7 @@ pub(crate) fn next_touches(
         revision: count(revision),
         entropy_bits: ranking.entropy_bits,
         evaluated: count(ranking.ranked.len()),
-        complete: ranking.is_complete(),
+        complete: ranking.is_complete,
         touches: ranking.ranked.iter().take(question.n).map(touch).collect(),
     }
 }

@@ -3869,7 +3869,10 @@ export interface components {
         };
         /** @description Ranked next touches. */
         NextTouches: {
-            /** @description False if the deadline came before all approaches were evaluated. */
+            /**
+             * @description False if the deadline came before all approaches, and the presses after the best of them,
+             *     were evaluated.
+             */
             complete: boolean;
             /**
              * Format: double
@@ -3891,7 +3894,10 @@ export interface components {
              * @description Id of the session.
              */
             session: string;
-            /** @description The best evaluated approaches, best first. */
+            /**
+             * @description The best evaluated approaches, best first. Without costs the first ones are ordered by what
+             *     they and the best press after them are expected to tell.
+             */
             touches: components["schemas"]["NextTouch"][];
         };
         /** @description A range of numbers. */
