@@ -40,7 +40,8 @@ pub(super) fn later_worths(
             });
             second.fold(0.0, f64::max)
         };
-        worths.push(truths.iter().map(best_after).sum::<f64>() / truths.len() as f64);
+        // Without samples, as of a catalogue whose maps do not come, there is no truth to draw.
+        worths.push(truths.iter().map(best_after).sum::<f64>() / truths.len().max(1) as f64);
     }
     Some(worths)
 }
@@ -105,6 +106,13 @@ mod tests {
         );
         assert!(later[2] < 0.4, "no press tells much after the third: {later:?}");
         assert_eq!(later_worths(&likenesses, &belief, &mut || true), None);
+    }
+
+    #[test]
+    fn without_samples_no_press_is_worth_anything() {
+        let (nothing, none) = (Likeness::of(&[], 0.0, &SCATTER), Shares::new([], 0.0));
+        let worths = later_worths(&[nothing], &none, &mut || false).unwrap();
+        assert!(worths.len() == 1 && worths[0].abs() < 1e-12, "{worths:?}");
     }
 
     #[test]
