@@ -6,6 +6,7 @@ use palpate_core::belief::{MismatchError, log_prior};
 use palpate_core::stop::Stop;
 
 use super::object::ObjectBelief;
+use super::retrieval::begin_scores;
 use crate::model::{SurfaceMap, SurfaceModel};
 use crate::observe::observation::{Observation, Says};
 use crate::observe::press_space::PressSpace;
@@ -52,7 +53,10 @@ impl Common {
 
     /// The objects before any touch.
     pub(super) fn objects(&self) -> Vec<ObjectBelief> {
-        self.prior.log_objects.iter().map(|log| ObjectBelief::new(*log)).collect()
+        let log_priors = &self.prior.log_objects;
+        let mut objects = log_priors.iter().map(|log| ObjectBelief::new(*log)).collect::<Vec<_>>();
+        begin_scores(&mut objects, log_priors);
+        objects
     }
 
     /// The evidence of observations.

@@ -48,6 +48,18 @@ pub(super) fn retrieve(
     Some(shares)
 }
 
+/// Begins the retrieval scores with the priors of the objects (ln), relative to the likeliest one's,
+/// so that an object that a camera names or that led before a move is a candidate. Equation R19 of
+/// docs/recogniser.md.
+pub(super) fn begin_scores(objects: &mut [ObjectBelief], log_priors: &[f64]) {
+    let most = log_priors.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    for (object, log_prior) in objects.iter_mut().zip(log_priors) {
+        if !object.is_ruled_out {
+            object.retrieval_score = log_prior - most;
+        }
+    }
+}
+
 /// The least retrieval score of the `n` objects with the best.
 pub(super) fn retrieval_bar(objects: &[ObjectBelief], n: usize) -> f64 {
     let mut all: Vec<f64> = objects.iter().map(|object| object.retrieval_score).collect();
@@ -65,9 +77,12 @@ pub(super) fn n_candidates(budget: &Budget, n: usize, n_touches: usize, is_open:
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use palpate_core::pose::Pose;
 
     use super::*;
+    use crate::belief::common::Common;
     use crate::options::SurfaceOptions;
     use crate::test_support::{model_of, places, seen, some_pose};
 
@@ -97,6 +112,28 @@ mod tests {
         assert!((0..40).all(|n| (gained(n).abs() > 1e-6) == (n != 7)), "all but the one ruled out");
         let sum: f64 = (0..40).map(gained).sum();
         assert!(sum.abs() < 1e-9 && gained(30) > 0.0, "{sum}");
+    }
+
+    #[test]
+    fn objects_that_are_likely_before_the_touches_are_candidates() {
+        let all: Vec<_> = (0..40).map(|index| places(60, index)).collect();
+        let model = model_of(&all);
+        let touches = [3, 50].map(|touch| seen(&all[30][touch], &some_pose(5)));
+        let options = SurfaceOptions::default();
+        let candidates = |prior: Option<&[f64]>| {
+            let mut objects = Common::new(Arc::clone(&model), options, prior).unwrap().objects();
+            retrieve(&mut objects, &model, &touches, &[0], &options).unwrap();
+            let bar = retrieval_bar(&objects, 3);
+            (0..40).filter(|n| objects[*n].retrieval_score >= bar).collect::<Vec<usize>>()
+        };
+        let told_nothing = candidates(None);
+        let behind = (0..40).find(|n| !told_nothing.contains(n)).unwrap();
+        let mut prior = [1e-6; 40];
+        prior[behind] = 1.0;
+        prior[told_nothing[0]] = 0.0;
+        let told = candidates(Some(&prior));
+        assert!(told.contains(&behind) && !told.contains(&told_nothing[0]), "{told:?}");
+        assert_eq!(candidates(Some(&[0.5; 40])), told_nothing, "an even prior changes nothing");
     }
 
     #[test]

@@ -187,7 +187,7 @@ impl SurfaceBelief {
         }
         let leader = leader.map(|index| self.drifting.swap_remove(index));
         self.drifting = Vec::new();
-        self.rest.move_on(leader, motion);
+        self.rest.move_on(leader, motion, &self.common.prior.log_objects);
         self.observe_move(motion);
     }
 

@@ -3,6 +3,7 @@
 use palpate_core::reading::Looseness;
 
 use super::Component;
+use crate::belief::retrieval::begin_scores;
 use crate::belief::stage::Stage;
 use crate::verify::motion_prior::{self, MotionPrior};
 
@@ -15,8 +16,13 @@ impl Component {
     }
 
     /// Turns the poses of `leader`, the likeliest component, into the motion prior of the
-    /// touches to come.
-    pub(in crate::belief) fn move_on(&mut self, leader: Option<Self>, motion: &Looseness) {
+    /// touches to come. `log_priors` of the objects are those of after the move.
+    pub(in crate::belief) fn move_on(
+        &mut self,
+        leader: Option<Self>,
+        motion: &Looseness,
+        log_priors: &[f64],
+    ) {
         if let Some(leader) = leader {
             self.objects = leader.objects;
         }
@@ -27,6 +33,7 @@ impl Component {
             object.hypotheses.iter_mut().for_each(|hypothesis| hypothesis.score -= best);
             object.forget_evidence();
         }
+        begin_scores(&mut self.objects, log_priors);
         self.stage = Stage::Prior;
     }
 
