@@ -74,7 +74,7 @@ impl Sessions {
         let readings_max = config.readings_per_session.max(1);
         let robot = |number: usize| {
             let readings = 1 + number as u32 % readings_max;
-            Robot { readings, ..Robot::new(number, config.seed, touches.n_objects()) }
+            Robot::new(number, readings, config.seed, touches.n_objects())
         };
         let robots = (0..config.sessions.max(1)).map(robot).collect();
         let create = CreateSession {
@@ -173,7 +173,7 @@ impl Sessions {
 }
 
 impl Robot {
-    fn new(number: usize, seed: u64, n_objects: usize) -> Self {
+    fn new(number: usize, readings: u32, seed: u64, n_objects: usize) -> Self {
         Self {
             name: format!("load-{number}"),
             session: None,
@@ -181,7 +181,7 @@ impl Robot {
             object: number % n_objects,
             session_from_object: Pose::IDENTITY,
             seq: 0,
-            readings: 1,
+            readings,
             accepted: 0,
             failed: 0,
             readings_under_way: 0,

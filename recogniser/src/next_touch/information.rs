@@ -137,7 +137,8 @@ pub(super) struct Shares {
 }
 
 impl Shares {
-    /// Of samples with their objects, of which equal ones stand together, and of "none of these".
+    /// The belief over samples, each with its object and share, and "none of these". Samples of one
+    /// object stand together.
     pub(super) fn new(samples: impl IntoIterator<Item = (ObjectIdx, f32)>, unknown: f32) -> Self {
         let (of, mut shares): (Vec<ObjectIdx>, Vec<f32>) = samples.into_iter().unzip();
         shares.push(unknown);
