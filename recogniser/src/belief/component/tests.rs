@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use palpate_core::reading::Looseness;
+
 use super::*;
 use crate::belief::posterior::log_posterior;
 use crate::model::SurfaceModel;
@@ -98,6 +100,17 @@ fn after_two_touches_candidates_have_poses_and_all_have_scores() {
     let bar = retrieval_bar(&objects, 64);
     let mut off = objects.iter().filter(|object| object.retrieval_score < bar);
     assert!(off.clone().count() > 20 && off.all(|object| object.hypotheses.is_empty()));
+}
+
+#[test]
+fn after_a_move_scores_begin_with_what_was_believed_before_it() {
+    let common = common(&objects(3, 20));
+    let mut component = Component::new(Motion::Rest, &common);
+    component.objects[1].retrieval_score = 4.0;
+    component.objects[2].is_ruled_out = true;
+    component.move_on(None, &Looseness::default(), &[-0.5, -3.0, f64::NEG_INFINITY]);
+    let scores = component.objects.iter().map(|object| object.retrieval_score);
+    assert_eq!(scores.collect::<Vec<f64>>(), [0.0, -2.5, f64::NEG_INFINITY]);
 }
 
 #[test]
