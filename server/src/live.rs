@@ -302,6 +302,7 @@ impl Live {
             method: options.method,
             readings: Readings::new(self.session.id, journal, sensors, options, handed),
             checkpoints: Arc::clone(&self.tools.checkpoints),
+            store: self.tools.store.clone(),
             asker: Asker::current(),
             is_kept: true,
         }

@@ -13,6 +13,7 @@ use std::time::{Duration, Instant};
 
 use palpate_dissertation::geometric::GeometricError;
 use palpate_schemas::Method;
+use palpate_store::database::Database;
 use palpate_store::entity::Session;
 
 use super::LiveError;
@@ -20,8 +21,10 @@ use super::belief::{BeliefError, SessionBelief};
 use super::checkpoints::{Checkpoint, Checkpoints};
 use super::order::{Chronicle, Touch, begins_with, stored_order};
 use super::readings::{ENTRIES_PER_READ, Readings, Ready};
+use super::status::status;
 use crate::asker::Asker;
 use crate::cause::Cause;
+use crate::clock::now_ms;
 use crate::compute::ComputeError;
 use crate::model::Model;
 
@@ -42,6 +45,7 @@ pub(super) struct Folding {
     pub(super) readings: Readings,
     pub(super) method: Method,
     pub(super) checkpoints: Arc<Checkpoints>,
+    pub(super) store: Database,
     pub(super) asker: Asker,
     /// Whether beliefs are stored on the way; those of a replay are past.
     pub(super) is_kept: bool,
@@ -178,14 +182,27 @@ impl Folding {
         Ok(&newest.belief)
     }
 
-    /// Stores the newest belief if it includes `more` readings more than the stored one.
+    /// Stores the newest belief of an open session if it includes `more` readings more than the
+    /// stored one.
     pub(super) fn store(&self, memory: &mut Memory, more: usize) {
         let order = memory.chronicle.order().to_vec();
         let Some(fold) = memory.unstored(more) else { return };
         let Some(conclusions) = fold.belief.conclusions() else { return };
         let Session { id, catalogue, version, .. } = self.session;
         let order = stored_order(&order[..fold.n]);
-        self.checkpoints.keep(id, &Checkpoint { catalogue, version, order, conclusions });
+        if self.is_open() {
+            self.checkpoints.keep(id, &Checkpoint { catalogue, version, order, conclusions });
+            // A session that ends first removes the checkpoint, perhaps before it was stored.
+            if !self.is_open() {
+                self.checkpoints.remove(id);
+            }
+        }
+    }
+
+    fn is_open(&self) -> bool {
+        let found = self.store.sessions().find(self.session.id).ok().flatten();
+        let status = found.and_then(|session| status(&self.store, &session, now_ms()).ok());
+        status.is_some_and(|status| status.end.is_none())
     }
 
     /// The stored belief, if its readings are the first of `order`.

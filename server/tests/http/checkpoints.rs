@@ -96,3 +96,14 @@ async fn damaged_checkpoints_are_ignored_and_end_with_the_session() {
     it.send(Method::DELETE, &format!("/v1/sessions/{}", sessions[1]), None).await.expect(204);
     assert_eq!(left(), 0);
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_session_that_has_ended_gets_no_checkpoint() {
+    let it = Harness::trained().await;
+    let session = it.session(json!({})).await;
+    let told = post(&it, &session, &numbered(BAR, 20, 0)).await;
+    it.post(&format!("/v1/sessions/{session}/close"), &json!({})).await.expect(200);
+    let it = it.restart().await;
+    assert_eq!(belief(&it, &session).await["objects"], told["objects"]);
+    assert!(!file(it.folder(), &session).exists(), "nothing would ever remove it");
+}
