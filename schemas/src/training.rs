@@ -294,6 +294,13 @@ pub struct StartTraining {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 20, maximum = 20_000)]
     pub readings_per_object: Option<u32>,
+    /// Number of simulated readings of which the surface of such an object is made,
+    /// `readings_per_object` to 20000; all else is made of the first `readings_per_object` of them. A
+    /// surface keeps at most 1000 touches, spread evenly: the more there are to choose from and to
+    /// compare, the better it recognises. Default: 2400, or `readings_per_object` if that is given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 20, maximum = 20_000)]
+    pub surface_readings_per_object: Option<u32>,
     /// Seed of all random choices, at most 2⁵³ − 1. Default: 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 0, maximum = 9_007_199_254_740_991_u64)]

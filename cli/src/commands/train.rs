@@ -39,6 +39,10 @@ pub(crate) struct TrainArgs {
     /// Simulated readings per object that has only a mesh [default: 1000].
     #[arg(long, value_parser = clap::value_parser!(u32).range(20..=20_000))]
     readings_per_object: Option<u32>,
+    /// Simulated readings of which the surface of such an object is made [default: 2400, or
+    /// `--readings-per-object` if given].
+    #[arg(long, value_parser = clap::value_parser!(u32).range(20..=20_000))]
+    surface_readings: Option<u32>,
     /// The seed of all random choices [default: 1].
     #[arg(long)]
     seed: Option<u64>,
@@ -104,6 +108,7 @@ pub(crate) async fn run(args: TrainArgs, context: &Context) -> anyhow::Result<()
         sensor: args.sensor,
         sensor_knowledge: args.knowledge,
         readings_per_object: args.readings_per_object,
+        surface_readings_per_object: args.surface_readings,
         seed: args.seed,
         n_classes: args.classes,
         descriptor: args.descriptor,

@@ -1,9 +1,9 @@
 //! Catalogues of ten to a thousand objects: accuracy, time and memory against size.
 //!
 //! The objects are those of the smaller catalogues but the letters, then procedural ones
-//! (`palpate_sim::shapes::assembled`), then members of the families of both (`families`). To
-//! keep a thousand in memory each is touched 600 times and pairs are tabled among 300 touches
-//! (`learnt`). Exponents are slopes of ln time and ln memory over ln objects.
+//! (`palpate_sim::shapes::assembled`), then members of the families of both (`families`). Each
+//! is touched 2,400 times; to keep a thousand in memory its map has 900 of these touches, and
+//! pairs are tabled among 300 (`learnt`). Exponents are slopes of ln time and ln memory over ln objects.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -41,6 +41,8 @@ pub(super) struct Growth {
     pub(super) assembled: usize,
     /// Training readings per object.
     pub(super) train_readings: usize,
+    /// Patches per object.
+    pub(super) patches: usize,
     /// Patches per object whose pairs are indexed.
     pub(super) pair_readings: usize,
     /// Test readings per object.
@@ -56,7 +58,8 @@ impl Default for Growth {
         Self {
             counts: vec![10, 50, 100, 300, 1_000],
             assembled: 500,
-            train_readings: 600,
+            train_readings: 2_400,
+            patches: 900,
             pair_readings: 300,
             test_readings: 20,
             space_objects: 100,
@@ -82,7 +85,7 @@ impl Growth {
     pub(super) fn surface(&self) -> SurfaceConfig {
         let layout =
             SurfaceLayout { pair_patches_max: self.pair_readings, ..SurfaceLayout::default() };
-        SurfaceConfig { patches_max: self.train_readings, layout }
+        SurfaceConfig { patches_max: self.patches, layout }
     }
 }
 
@@ -299,6 +302,7 @@ mod tests {
             counts: vec![3, 8],
             assembled: 1,
             train_readings: 200,
+            patches: 200,
             pair_readings: 100,
             test_readings: 10,
             space_objects: 3,

@@ -58,7 +58,23 @@ pub struct Bend {
 #[must_use]
 pub fn bends(patches: &[SurfacePatch], spacing: f32) -> Vec<Bend> {
     let spacing = spacing.max(SPACING_MIN);
-    patches.iter().map(|patch| bend(patch, patches, spacing)).collect()
+    let reach = REACH_SPACINGS * spacing;
+    let mut along_x: Vec<(f32, usize)> =
+        patches.iter().enumerate().map(|(index, patch)| (patch.position.x, index)).collect();
+    along_x.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    let bend_of = |patch: &SurfacePatch| {
+        let at = patch.position;
+        let first = along_x.partition_point(|(x, _)| *x < at.x - reach);
+        let within = along_x[first..].iter().take_while(|(x, _)| *x <= at.x + reach);
+        let mut near: Vec<usize> = within
+            .map(|(_, index)| *index)
+            .filter(|index| patches[*index].position.distance_squared(at) <= reach * reach)
+            .collect();
+        // Sums stay the same whatever the order along x.
+        near.sort_unstable();
+        bend(patch, near.into_iter().map(|index| &patches[index]), spacing)
+    };
+    patches.iter().map(bend_of).collect()
 }
 
 /// A touch near another one, in that one's tangent plane.
@@ -70,9 +86,13 @@ struct Neighbour {
     turn: Vec2,
 }
 
-fn bend(patch: &SurfacePatch, all: &[SurfacePatch], spacing: f32) -> Bend {
+fn bend<'a>(
+    patch: &SurfacePatch,
+    near: impl Iterator<Item = &'a SurfacePatch>,
+    spacing: f32,
+) -> Bend {
     let neighbours: Vec<Neighbour> =
-        all.iter().filter_map(|other| neighbour(patch, other, spacing)).collect();
+        near.filter_map(|other| neighbour(patch, other, spacing)).collect();
     // Least squares of turn = S way for xx, xy, yy: rows (x, y, 0) and (0, x, y).
     let mut normal = Mat3::from_diagonal(Vec3::splat((MISS_USUAL / BEND_USUAL).powi(2)));
     let mut right = Vec3::ZERO;

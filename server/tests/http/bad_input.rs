@@ -170,6 +170,8 @@ async fn trainings_and_sessions_without_data_are_refused() {
     post(json!({"seed": 1_u64 << 53})).await.problem(422, "invalid-value", Some("/seed"));
     let few = json!({"readings_per_object": 1});
     post(few).await.problem(422, "invalid-value", Some("/readings_per_object"));
+    let fewer = json!({"readings_per_object": 100, "surface_readings_per_object": 99});
+    post(fewer).await.problem(422, "invalid-value", Some("/surface_readings_per_object"));
     let range = json!({"distance_range": {"min": 0.2, "max": 0.1}});
     post(range).await.problem(422, "invalid-value", Some("/distance_range"));
     it.put_mesh("ghost", &off_box(CUBE)).await.expect(200);

@@ -300,3 +300,32 @@ async fn kept_touches_are_not_taken_again() {
     let equal: Vec<bool> = equal.collect();
     assert_eq!(equal.iter().filter(|equal| **equal).count(), 1, "{equal:?}");
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_surface_is_made_of_further_touches_of_the_mesh() {
+    let it = Harness::start().await;
+    it.post("/v1/objects", &json!({"name": "bar"})).await.expect(201);
+    it.put_mesh("bar", &off_box(BAR)).await.expect(200);
+    let path = "/v1/catalogues/default/trainings";
+    let trained = async |training: Value| {
+        let job = it.post(path, &training).await.expect(202);
+        let job = it.finished(job["id"].as_str().unwrap()).await;
+        assert_eq!(job["state"], "succeeded", "{job}");
+        let version = format!("/v1/catalogues/default/versions/{}", job["version"]);
+        it.get(&version).await.expect(200)
+    };
+    let usual = json!({"readings_per_object": 60, "n_classes": 4, "seed": 3});
+    let usual = trained(usual).await;
+    assert_eq!(usual["training"]["surface_readings_per_object"], 60);
+    let more = json!({"readings_per_object": 60, "surface_readings_per_object": 150,
+        "n_classes": 4, "seed": 3});
+    let more = trained(more).await;
+    let [usual, more] = [&usual, &more].map(|version| &version["report"]["objects"][0]);
+    assert_eq!((&usual["n_readings"], &more["n_readings"]), (&json!(60), &json!(150)));
+    // Pair maps are made of the first sixty, which are the same.
+    for field in ["n_patches", "index_bytes"] {
+        assert_eq!(more[field], usual[field], "{field}");
+    }
+    let n = |object: &Value| object["surface"]["n_patches"].as_u64().unwrap();
+    assert_eq!((n(usual), n(more)), (60, 150));
+}

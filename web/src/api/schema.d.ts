@@ -5883,6 +5883,14 @@ export interface components {
             /** @description Whether to learn the surfaces that `surface` needs. Default: the value of `sva`. */
             surface?: boolean | null;
             /**
+             * Format: int32
+             * @description Number of simulated readings of which the surface of such an object is made,
+             *     `readings_per_object` to 20000; all else is made of the first `readings_per_object` of them. A
+             *     surface keeps at most 1000 touches, spread evenly: the more there are to choose from and to
+             *     compare, the better it recognises. Default: 2400, or `readings_per_object` if that is given.
+             */
+            surface_readings_per_object?: number | null;
+            /**
              * @description Whether to learn the pair maps that `sva` needs. Set false for readings without poses, which
              *     only train `appearance`, or, with `surface` true, for large catalogues. Default: true.
              */
@@ -10014,6 +10022,7 @@ export interface operations {
                      *         "sensor_knowledge": "measured",
                      *         "strict": false,
                      *         "surface": true,
+                     *         "surface_readings_per_object": 100,
                      *         "sva": true
                      *       },
                      *       "version": 2
@@ -10372,6 +10381,7 @@ export interface operations {
                      *         "sensor_knowledge": "measured",
                      *         "strict": false,
                      *         "surface": true,
+                     *         "surface_readings_per_object": 400,
                      *         "sva": false
                      *       },
                      *       "version": null
@@ -10751,6 +10761,7 @@ export interface operations {
                      *             "sensor_knowledge": "measured",
                      *             "strict": false,
                      *             "surface": true,
+                     *             "surface_readings_per_object": 400,
                      *             "sva": false
                      *           },
                      *           "version": 1
@@ -11031,6 +11042,7 @@ export interface operations {
                      *         "sensor_knowledge": "measured",
                      *         "strict": false,
                      *         "surface": true,
+                     *         "surface_readings_per_object": 400,
                      *         "sva": false
                      *       },
                      *       "version": 1
@@ -15591,6 +15603,7 @@ export interface operations {
                      *             "sensor_knowledge": "measured",
                      *             "strict": false,
                      *             "surface": true,
+                     *             "surface_readings_per_object": 400,
                      *             "sva": false
                      *           },
                      *           "version": 1
@@ -15789,6 +15802,7 @@ export interface operations {
                      *         "sensor_knowledge": "measured",
                      *         "strict": false,
                      *         "surface": true,
+                     *         "surface_readings_per_object": 400,
                      *         "sva": false
                      *       },
                      *       "version": 1
@@ -16171,6 +16185,7 @@ export interface operations {
                      *         "sensor_knowledge": "measured",
                      *         "strict": false,
                      *         "surface": true,
+                     *         "surface_readings_per_object": 20000,
                      *         "sva": true
                      *       },
                      *       "version": null

@@ -41,6 +41,7 @@ function Summary({ version }: { version: CatalogueVersion }) {
           ["Took", duration(report.seconds)],
           ["Objects", count(report.objects.length)],
           ["Touches per object", training.readings_per_object ? count(training.readings_per_object) : "–"],
+          ["Touches per surface", training.surface_readings_per_object ? count(training.surface_readings_per_object) : "–"],
           ["Descriptor", training.descriptor ?? "–"],
           ["Classes", report.n_classes > 0 ? count(report.n_classes) : "none"],
           ["Pair index", bytes(report.index_bytes)],

@@ -12,6 +12,7 @@ export function TrainDialog({ objects, onClose }: { objects: ObjectInfo[]; onClo
   const [catalogue, setCatalogue] = useState("default");
   const [chosen, setChosen] = useState(new Set(objects.map((object) => object.id)));
   const [readings, setReadings] = useState(1000);
+  const [ofSurface, setOfSurface] = useState(2400);
   const [seed, setSeed] = useState(1);
   const [appearance, setAppearance] = useState(true);
   const [geometry, setGeometry] = useState<"none" | "planar" | "solid">("none");
@@ -23,6 +24,7 @@ export function TrainDialog({ objects, onClose }: { objects: ObjectInfo[]; onClo
       const asked: Partial<StartTraining> = {
         ...(chosen.size < objects.length ? { objects: [...chosen] } : {}),
         readings_per_object: readings,
+        surface_readings_per_object: ofSurface,
         seed,
         activate,
         ...(appearance ? { appearance: {} } : {}),
@@ -46,11 +48,23 @@ export function TrainDialog({ objects, onClose }: { objects: ObjectInfo[]; onClo
             <input id="train-seed" type="number" min={0} required value={seed} onInput={(event) => setSeed(event.currentTarget.valueAsNumber)} />
           </div>
         </div>
-        <div class="field">
-          <label for="train-readings">Simulated touches per mesh</label>
-          <input id="train-readings" type="number" min={20} max={20000} required value={readings}
-            onInput={(event) => setReadings(event.currentTarget.valueAsNumber)} />
-          <span class="hint">Objects with a robot’s touches are trained from those.</span>
+        <div class="form-row">
+          <div class="field">
+            <label for="train-readings">Simulated touches per mesh</label>
+            <input id="train-readings" type="number" min={20} max={20000} required value={readings}
+              onInput={(event) => {
+                const asked = event.currentTarget.valueAsNumber;
+                setReadings(asked);
+                setOfSurface((before) => (asked > before ? asked : before));
+              }} />
+            <span class="hint">Objects with a robot’s touches are trained from those.</span>
+          </div>
+          <div class="field">
+            <label for="train-surface-readings">Touches for its surface</label>
+            <input id="train-surface-readings" type="number" min={readings} max={20000} required value={ofSurface}
+              onInput={(event) => setOfSurface(event.currentTarget.valueAsNumber)} />
+            <span class="hint">More recognise better, and take longer to press.</span>
+          </div>
         </div>
         <ObjectChoice objects={objects} chosen={chosen} onChange={setChosen} />
         <fieldset>

@@ -92,11 +92,15 @@ impl Jobs {
                 sensor
             }
         };
+        let readings_per_object = training.readings_per_object.map_or(1000, |n| n as usize);
         Ok(Plan {
             objects: objects?,
             sensor,
             knowledge,
-            readings_per_object: training.readings_per_object.map_or(1000, |n| n as usize),
+            readings_per_object,
+            surface_readings_per_object: training
+                .surface_readings_per_object
+                .map_or(readings_per_object, |n| n as usize),
             seed: training.seed.unwrap_or(1),
             config: convert::training::config(training)?,
             geometric: training.geometric.as_ref().map(convert::geometry::config),

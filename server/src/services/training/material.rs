@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
 use palpate_core::reading::{Reading, SensorId};
-use palpate_core::sensor::{SensorDescription, TaxelGrid};
+use palpate_core::sensor::TaxelGrid;
 use palpate_core::symmetry::Symmetry;
 use palpate_core::training::TrainingSet;
 use palpate_recogniser::belief::calibrate::READINGS;
@@ -28,10 +28,15 @@ use crate::hints::Touched;
 use crate::wire::felt::press_from_store;
 use crate::wire::object::{read_format, unit_metres};
 
+/// Turns the seed of an object's touches into that of the further ones of its surface.
+const FURTHER: u64 = 1 << 62;
+
 /// The readings of one object.
 pub(super) struct Material {
     pub(super) object: VersionObject,
+    /// All readings; those after the first `n_common` are for the surface alone.
     pub(super) readings: Vec<Reading>,
+    n_common: usize,
     /// The client's own feature of each reading, if sent.
     pub(super) features: Vec<Vec<f64>>,
     /// Statistics of the object's readings.
@@ -50,7 +55,8 @@ pub(super) struct Material {
 
 impl Material {
     pub(super) fn set(&self) -> TrainingSet<'_> {
-        TrainingSet { readings: &self.readings, sensor: &self.sensor.description }
+        let readings = &self.readings[..self.n_common];
+        TrainingSet { readings, sensor: &self.sensor.description }
     }
 
     /// The sensor that took the readings.
@@ -68,15 +74,15 @@ impl Material {
         self.sensor.description.grid()
     }
 
-    /// The readings and their sensor, apart.
-    pub(super) fn parts(&self) -> (&[Reading], &SensorDescription) {
-        (&self.readings, &self.sensor.description)
+    /// The readings for the surface alone.
+    pub(super) fn for_surface(&self) -> &[Reading] {
+        &self.readings[self.n_common..]
     }
 
     /// The readings for maps of contact.
     pub(super) fn pressed(&self) -> TrainingSet<'_> {
-        let readings = self.planar.as_deref().unwrap_or(&self.readings);
-        TrainingSet { readings, ..self.set() }
+        let set = self.set();
+        TrainingSet { readings: self.planar.as_deref().unwrap_or(set.readings), ..set }
     }
 }
 
@@ -138,6 +144,7 @@ pub(super) fn own_readings(
     Ok(sensor.map(|sensor| Material {
         object,
         touched: Touched::of(&readings, &sensor.description, are_placed),
+        n_common: readings.len(),
         readings,
         features,
         sensor,
@@ -156,9 +163,15 @@ fn n_runs(plan: &Plan) -> usize {
     hold_out::n_runs(plan.objects.len(), plan.readings_per_object)
 }
 
+/// Number of simulated touches of an object for everything, and of further ones for its surface.
+fn n_trained(plan: &Plan) -> [usize; 2] {
+    let [n, n_of_surface] = [plan.readings_per_object, plan.surface_readings_per_object];
+    [n, if plan.surface { n_of_surface.saturating_sub(n) } else { 0 }]
+}
+
 /// Number of simulated touches of an object.
 fn n_touches(plan: &Plan) -> usize {
-    plan.readings_per_object + n_runs(plan) * READINGS
+    n_trained(plan).iter().sum::<usize>() + n_runs(plan) * READINGS
 }
 
 /// Touches an object's mesh in simulation, or reads the touches that were kept.
@@ -178,15 +191,15 @@ fn touch(
     let config = SamplerConfig::for_simulator(&simulator);
     let id = SensorId(plan.sensor.id.as_u128());
     let seed = plan.seed.wrapping_add(index as u64);
-    let (family, n, runs) = (plan.family(), plan.readings_per_object, n_runs(plan));
-    let kept = sources
-        .keeping
-        .map(|keeping| (keeping, Cause::new(&simulator, &config, &(id, seed, &family, n, runs))));
+    let (family, [n, further], runs) = (plan.family(), n_trained(plan), n_runs(plan));
+    let kept = sources.keeping.map(|keeping| {
+        (keeping, Cause::new(&simulator, &config, &(id, seed, &family, [n, further], runs)))
+    });
     let read = kept.as_ref().and_then(|(keeping, cause)| {
         let lists = keeping.read(cause, &plan.sensor.description)?;
-        <[Vec<Reading>; 2]>::try_from(lists).ok()
+        <[Vec<Reading>; 3]>::try_from(lists).ok()
     });
-    let [readings, held_back] = match read {
+    let [mut readings, more, held_back] = match read {
         Some(lists) => {
             done.fetch_add(n_touches(plan), Ordering::Relaxed);
             lists
@@ -199,16 +212,22 @@ fn touch(
                 counted = taken;
                 progress(JobStage::Sampling, now, total)
             };
-            let mut trained = |taken: usize, _: usize| hear(taken);
             let failed = |source| failure(object, size, source);
-            let readings = sample_family(&simulator, &family, id, n, seed, &config, &mut trained);
-            let readings = readings.map_err(failed)?;
-            let mut held = |taken: usize, _: usize| hear(n + taken);
+            let mut sampled = |before: usize, n: usize, seed: u64| {
+                let mut heard = |taken: usize, _: usize| hear(before + taken);
+                sample_family(&simulator, &family, id, n, seed, &config, &mut heard)
+            };
+            let readings = sampled(0, n, seed).map_err(failed)?;
+            let more = match further {
+                0 => Vec::new(),
+                further => sampled(n, further, seed ^ FURTHER).map_err(failed)?,
+            };
+            let mut held = |taken: usize, _: usize| hear(n + further + taken);
             let runs = (runs, READINGS);
             let taken = sample_runs(&simulator, &family, id, runs, seed, &config, &mut held);
-            let lists = [readings, taken.map_err(failed)?];
+            let lists = [readings, more, taken.map_err(failed)?];
             if let Some((keeping, cause)) = kept {
-                keeping.write(&cause, &[&lists[0], &lists[1]]);
+                keeping.write(&cause, &[&lists[0], &lists[1], &lists[2]]);
             }
             lists
         }
@@ -216,10 +235,13 @@ fn touch(
     let sensor = Arc::clone(&plan.sensor);
     let (object, origin, features) = (object.clone(), Some(origin), Vec::new());
     let touched = Touched { size, ..Touched::of(&readings, &sensor.description, true) };
+    let n_common = readings.len();
+    readings.extend(more);
     let held_back = (runs > 0).then_some(held_back);
     Ok(Material {
         object,
         readings,
+        n_common,
         features,
         touched,
         sensor,

@@ -5,10 +5,12 @@
 //! know. The symmetry is that of the mesh, or found in all readings. A training that extends a version
 //! uses its appearance space, and learns the calibration again for all objects together.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
+use palpate_core::reading::Reading;
 use palpate_core::symmetry::{Finding, Symmetry};
 use palpate_core::training::TrainingSet;
 use palpate_dissertation::sva::model::ObjectMap;
@@ -58,7 +60,7 @@ pub(super) fn learn(
     let total = materials.len() + 1;
     step(progress, JobStage::Surface, 0, total)?;
     let config = SurfaceConfig::default();
-    let splits: Vec<Split> = materials.iter().map(split_of).collect();
+    let splits: Vec<Parts<'_>> = materials.iter().map(parts_of).collect();
     let sets: Vec<TrainingSet<'_>> = splits
         .iter()
         .zip(materials)
@@ -90,12 +92,20 @@ pub(super) fn learn(
     Ok(Learnt { model, new, decided })
 }
 
-fn split_of(material: &Material) -> Split {
-    let (readings, _) = material.parts();
-    match &material.held_back {
-        Some(held_back) => Split { kept: readings.to_vec(), held_back: held_back.clone() },
-        None => split(readings),
+/// The readings of an object's surface, and those of the calibration.
+struct Parts<'a> {
+    kept: Cow<'a, [Reading]>,
+    held_back: Cow<'a, [Reading]>,
+}
+
+fn parts_of(material: &Material) -> Parts<'_> {
+    if let Some(held_back) = &material.held_back {
+        let kept = Cow::Borrowed(&material.readings[..]);
+        return Parts { kept, held_back: Cow::Borrowed(held_back) };
     }
+    let Split { mut kept, held_back } = split(material.set().readings);
+    kept.extend_from_slice(material.for_surface());
+    Parts { kept: Cow::Owned(kept), held_back: Cow::Owned(held_back) }
 }
 
 fn map_all(
@@ -135,10 +145,10 @@ fn symmetry(material: &Material, origin_in_training: DVec3) -> (Symmetry, Decide
 }
 
 /// Held-out readings of each new object.
-fn held_back<'a>(materials: &'a [Material], splits: &'a [Split]) -> Vec<HeldBack<'a>> {
-    let of = |(split, material): (&'a Split, &'a Material)| HeldBack {
+fn held_back<'a>(materials: &'a [Material], splits: &'a [Parts<'a>]) -> Vec<HeldBack<'a>> {
+    let of = |(split, material): (&'a Parts<'a>, &'a Material)| HeldBack {
         readings: &split.held_back,
-        sensor: material.parts().1,
+        sensor: material.set().sensor,
         run: material.held_back.is_some().then_some(READINGS),
     };
     splits.iter().zip(materials).map(of).collect()

@@ -8,6 +8,7 @@ use std::ops::ControlFlow;
 
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::sensor::SensorDescription;
+use palpate_core::training::TrainingSet;
 use palpate_recogniser::belief::calibrate::{HELD_BACK_MIN, READINGS};
 use palpate_recogniser::belief::hold_out::is_held_back;
 use palpate_recogniser::model::SurfaceModel;
@@ -84,7 +85,7 @@ fn one(
     match own_readings(plan, object, sources) {
         Ok(Some(material)) => {
             let n_trained = report.n_readings as usize;
-            let (readings, sensor) = material.parts();
+            let TrainingSet { readings, sensor } = material.set();
             // If an object lost readings, those of its surface are unknown.
             let is_whole = readings.len() >= n_trained;
             let is_unseen =
