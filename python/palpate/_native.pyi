@@ -81,7 +81,12 @@ class Readings:
 class Catalogue:
     @staticmethod
     def train(
-        objects: list[tuple[str, Mesh | Readings]], *, sensor: Sensor, touches: int, seed: int
+        objects: list[tuple[str, Mesh | Readings]],
+        *,
+        sensor: Sensor,
+        touches: int | None = None,
+        surface_touches: int | None = None,
+        seed: int,
     ) -> Catalogue: ...
     @property
     def names(self) -> list[str]: ...

@@ -75,13 +75,15 @@ def train(
     objects: Mapping[str, Mesh | Readings],
     *,
     sensor: Sensor | None = None,
-    touches: int = 1000,
+    touches: int | None = None,
+    surface_touches: int | None = None,
     seed: int = 1,
 ) -> Catalogue:
     """Trains the surfaces of objects, as a server's training with `sva=False` does.
 
-    An object is trained from `touches` simulated touches of its mesh, or from readings at rest
-    in one frame. `sensor` takes both (default: `digitacts-6x6`). All randomness comes from
+    An object is trained from simulated touches of its mesh, or from readings at rest in one
+    frame. `touches` and `surface_touches` are `readings_per_object` and
+    `surface_readings_per_object` of the API (default: 1000 and 2400, or as many as `touches`). `sensor` takes both (default: `digitacts-6x6`). All randomness comes from
     `seed`; the object at index i uses seed + i. Runs on all cores; Ctrl-C stops it.
     """
     used = Sensor.preset(DEFAULT_SENSOR) if sensor is None else sensor
@@ -94,7 +96,9 @@ def train(
                 raise ValueError(f'objects["{name}"]: {error}') from error
         else:
             sources.append((name, source))
-    return Catalogue.train(sources, sensor=used, touches=touches, seed=seed)
+    return Catalogue.train(
+        sources, sensor=used, touches=touches, surface_touches=surface_touches, seed=seed
+    )
 
 
 class Recognition:

@@ -14,9 +14,11 @@ use palpate_core::training::TrainingSet;
 use palpate_recogniser::belief::calibrate::{HeldBack, READINGS};
 use palpate_recogniser::belief::hold_out::{Split, calibrated, n_runs, split};
 use palpate_recogniser::model::{AppearanceSpace, EvidenceCalibration, SurfaceMap, SurfaceModel};
-use palpate_recogniser::train::{SurfaceConfig, find_symmetry, learn_space, map_surface};
+use palpate_recogniser::train::{
+    SurfaceConfig, find_symmetry, learn_space, map_surface, mesh_touches,
+};
 use palpate_sim::press::PressSimulator;
-use palpate_sim::sampler::family::{sample_family, sample_runs};
+use palpate_sim::sampler::family::{sample_runs, sample_training};
 use palpate_sim::sampler::{SampleError, SamplerConfig};
 use palpate_sim::symmetry;
 use pyo3::prelude::*;
@@ -69,17 +71,21 @@ type Failure = (String, String);
 #[pymethods]
 impl Catalogue {
     /// Trains surfaces. `objects` are names with a mesh or readings each; `sensor` touches the
-    /// meshes, `touches` times each. All randomness comes from `seed`.
+    /// meshes as often as [`mesh_touches`] says. All randomness comes from `seed`.
     #[staticmethod]
-    #[pyo3(signature = (objects, *, sensor, touches, seed))]
+    #[pyo3(signature = (objects, *, sensor, touches=None, surface_touches=None, seed))]
     fn train(
         py: Python<'_>,
         objects: Vec<(String, Bound<'_, PyAny>)>,
         sensor: &Sensor,
-        touches: usize,
+        touches: Option<u32>,
+        surface_touches: Option<u32>,
         seed: u64,
     ) -> PyResult<Self> {
+        let [touches, of_surface] =
+            mesh_touches(touches, surface_touches).map(|touches| touches as usize);
         fault::count("touches", touches, TOUCHES_MIN, TOUCHES_MAX)?;
+        fault::count("surface_touches", of_surface, touches, TOUCHES_MAX)?;
         if objects.is_empty() {
             return Err(fault::of("objects", "came empty, expected at least one object"));
         }
@@ -100,6 +106,7 @@ impl Catalogue {
             given.push(Given { name, source });
         }
         let (sensor, stop) = (Arc::clone(&sensor.known), Stop::possible());
+        let touches = [touches, of_surface - touches];
         let plan = Plan { sensor, touches, seed, n_objects: given.len(), stop: stop.clone() };
         let trained = interrupt::run(py, &stop, || train(&plan, given))?;
         trained.map_err(|(argument, detail)| fault::of(argument, detail))
@@ -137,7 +144,8 @@ impl Catalogue {
 /// What all objects of a training share.
 struct Plan {
     sensor: Arc<Known>,
-    touches: usize,
+    /// Touches of a mesh, and further ones.
+    touches: [usize; 2],
     seed: u64,
     n_objects: usize,
     stop: Stop,
@@ -217,16 +225,18 @@ fn touch(
     let config = SamplerConfig::for_simulator(&simulator);
     let (id, n, seed) = (sensor.id, plan.touches, plan.seed.wrapping_add(index as u64));
     let mut hear = |_: usize, _: usize| going_on(&plan.stop);
-    let readings = sample_family(&simulator, &family, id, n, seed, &config, &mut hear);
-    let readings = readings.map_err(failed)?;
-    let (split, run) = if family.is_single() {
+    let sampled = sample_training(&simulator, &family, id, n, seed, &config, &mut hear);
+    let [readings, more] = sampled.map_err(failed)?;
+    let (mut split, run) = if family.is_single() {
         (split(&readings), None)
     } else {
-        let runs = (n_runs(plan.n_objects, n), READINGS);
+        let runs = (n_runs(plan.n_objects, n[0]), READINGS);
         let taken = sample_runs(&simulator, &family, id, runs, seed, &config, &mut hear);
         let held_back = taken.map_err(failed)?;
         (Split { kept: readings.clone(), held_back }, Some(READINGS))
     };
+    split.kept.extend_from_slice(&more);
+    let readings = [readings, more].concat();
     let (name, readings) = (name.to_owned(), readings.into());
     Ok(Material { name, sensor, split, readings, run, shape })
 }

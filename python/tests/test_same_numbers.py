@@ -92,12 +92,13 @@ def test_meshes_train_to_the_servers_numbers(
         objects=list(meshes),
         seed=SEED,
         readings_per_object=120,
+        surface_readings_per_object=200,
         sva=False,
         surface=True,
         progress=lambda job: stages.append(job.state),
     )
     assert stages[-1] == "succeeded" and job.is_final
-    here = local.train(meshes, sensor=sensor, touches=120, seed=SEED)
+    here = local.train(meshes, sensor=sensor, touches=120, surface_touches=200, seed=SEED)
     belief = compare(client, "meshes", here, sensor, felt)
     assert belief.best == "mug"
     report = client.catalogue_version("meshes", 1)["report"]["objects"]
@@ -130,11 +131,12 @@ def test_a_family_of_sensors_trains_to_the_servers_numbers(
         objects=names,
         seed=SEED,
         readings_per_object=60,
+        surface_readings_per_object=90,
         sva=False,
         surface=True,
     )
     renamed = {f"{name}-family": mesh for name, mesh in meshes.items()}
-    here = local.train(renamed, sensor=mine, touches=60, seed=SEED)
+    here = local.train(renamed, sensor=mine, touches=60, surface_touches=90, seed=SEED)
     recognition, session = Recognition(here), client.create_session(catalogue="family")
     there = client.add_readings(session.id, "mine", felt, robot="arm").belief
     assert there is not None

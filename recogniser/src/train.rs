@@ -52,6 +52,19 @@ const NEIGHBOUR_FACING: f32 = 0.5;
 /// Shrinkage of the covariance within places towards a multiple of the identity.
 const SHRINKAGE: f64 = 0.02;
 
+/// Default number of simulated touches of a mesh, for all methods.
+pub const MESH_TOUCHES: u32 = 1_000;
+
+/// Default number of simulated touches of a mesh for its surface, those for all methods among them.
+pub const SURFACE_TOUCHES: u32 = 2_400;
+
+/// The numbers of simulated touches of a mesh, for all methods and for its surface, as stated or by
+/// default. If only the first is stated, the second equals it.
+#[must_use]
+pub fn mesh_touches(stated: Option<u32>, of_surface: Option<u32>) -> [u32; 2] {
+    [stated.unwrap_or(MESH_TOUCHES), of_surface.or(stated).unwrap_or(SURFACE_TOUCHES)]
+}
+
 /// Options of training.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceConfig {

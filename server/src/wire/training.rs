@@ -7,6 +7,7 @@ use palpate_core::vocabulary::MAX_CLASSES;
 use palpate_dissertation::patch_pair::DistanceBins;
 use palpate_dissertation::sva::model::ObjectMap;
 use palpate_dissertation::sva::train::{DistanceRange, TrainingConfig};
+use palpate_recogniser::train::mesh_touches;
 use palpate_schemas as wire;
 use palpate_schemas::{Descriptor, JobState, StartTraining};
 use palpate_store::catalogue::{Catalogue, Manifest, Switch, VersionObject};
@@ -19,12 +20,7 @@ use crate::wire::{INTEGER_MAX, Invalid, count, descriptor, time};
 
 /// Maximum number of switches of the current version in an answer.
 const HISTORY_MAX: usize = 100;
-/// Number of simulated readings of an object that has only a mesh.
-const READINGS: u32 = 1_000;
-/// Number of those of which its surface is made. Chosen: four times as many recognise better, and
-/// touching takes time; `surface-scale`, seed 101.
-const SURFACE_READINGS: u32 = 2_400;
-/// Maximum of both.
+/// Maximum number of simulated readings of an object.
 const READINGS_MAX: u64 = 20_000;
 /// Number of steps of a range of distances.
 const DISTANCE_STEPS: u16 = 40;
@@ -190,13 +186,9 @@ pub(crate) fn state(state: stored::JobState) -> JobState {
 /// A training with every default filled in, its numbers checked. Objects and sensor are still
 /// named as in the request.
 pub(crate) fn training(request: &StartTraining) -> Result<StartTraining, Invalid> {
-    let n_readings = u64::from(request.readings_per_object.unwrap_or(READINGS));
+    let asked = (request.readings_per_object, request.surface_readings_per_object);
+    let [n_readings, n_of_surface] = mesh_touches(asked.0, asked.1).map(u64::from);
     super::within("/readings_per_object", n_readings, 20, READINGS_MAX)?;
-    let n_of_surface = match (request.surface_readings_per_object, request.readings_per_object) {
-        (Some(n), _) => u64::from(n),
-        (None, Some(_)) => n_readings,
-        (None, None) => u64::from(SURFACE_READINGS),
-    };
     super::within("/surface_readings_per_object", n_of_surface, n_readings, READINGS_MAX)?;
     let seed = super::within("/seed", request.seed.unwrap_or(1), 0, INTEGER_MAX)?;
     let n_classes = u64::from(request.n_classes.unwrap_or(25));

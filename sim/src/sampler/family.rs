@@ -34,6 +34,33 @@ pub fn sample_family(
     sample_with(&drawn, simulator.surface(), sensor, n, seed, config, progress)
 }
 
+/// Turns the seed of an object's touches into that of the further ones of its surface.
+const FURTHER: u64 = 1 << 62;
+
+/// Takes the readings that an object is trained from, as [`sample_family`] does: `n` for all methods,
+/// which do not depend on the others, and `further` ones for its surface alone. `progress` counts
+/// both together.
+///
+/// # Errors
+/// As [`sample_family`].
+pub fn sample_training(
+    simulator: &PressSimulator,
+    family: &SensorFamily,
+    sensor: SensorId,
+    [n, further]: [usize; 2],
+    seed: u64,
+    config: &SamplerConfig,
+    progress: &mut dyn FnMut(usize, usize) -> ControlFlow<()>,
+) -> Result<[Vec<Reading>; 2], SampleError> {
+    let mut part = |before: usize, n: usize, seed: u64| {
+        let mut heard = |taken: usize, _: usize| progress(before + taken, before + n);
+        sample_family(simulator, family, sensor, n, seed, config, &mut heard)
+    };
+    let for_all = part(0, n, seed)?;
+    let of_surface = if further > 0 { part(n, further, seed ^ FURTHER)? } else { Vec::new() };
+    Ok([for_all, of_surface])
+}
+
 /// Takes `runs` runs of `touches` readings, each run by one sensor of the family. A sensor that
 /// cannot touch the object often enough is replaced by another one.
 ///
@@ -155,5 +182,25 @@ mod tests {
         assert_eq!(readings.len(), 32);
         let within: f64 = readings.chunks(8).map(depth_deviation).sum::<f64>() / 4.0;
         assert!(within < 0.5 * depth_deviation(&readings), "{within} m");
+    }
+
+    #[test]
+    fn touches_for_the_surface_leave_the_others_as_they_are() {
+        let simulator =
+            PressSimulator::new(sphere(20.0 * MM, 60), SensorDescription::digitacts_6x6());
+        let config = SamplerConfig::for_simulator(&simulator);
+        let mut counted = Vec::new();
+        let mut count = |taken: usize, wanted: usize| {
+            counted.push((taken, wanted));
+            ControlFlow::Continue(())
+        };
+        let (id, family) = (SensorId(0), family(SensorKnowledge::DataSheet));
+        let both = sample_training(&simulator, &family, id, [12, 8], 7, &config, &mut count);
+        let [for_all, of_surface] = both.unwrap();
+        let alone = sampled(SensorKnowledge::DataSheet, 12);
+        assert_eq!(for_all, alone);
+        assert_eq!(of_surface.len(), 8);
+        assert!(of_surface.iter().all(|reading| !alone.contains(reading)));
+        assert_eq!(counted.last(), Some(&(20, 20)));
     }
 }

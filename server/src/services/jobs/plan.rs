@@ -1,5 +1,6 @@
 //! Plans of trainings: the request is checked on arrival, and its names are looked up at its turn.
 
+use palpate_recogniser::train::MESH_TOUCHES;
 use palpate_schemas::{SensorKnowledge, StartTraining};
 use palpate_store::catalogue::{Manifest, VersionObject};
 use palpate_store::entity::Object;
@@ -92,7 +93,7 @@ impl Jobs {
                 sensor
             }
         };
-        let readings_per_object = training.readings_per_object.map_or(1000, |n| n as usize);
+        let readings_per_object = training.readings_per_object.unwrap_or(MESH_TOUCHES) as usize;
         Ok(Plan {
             objects: objects?,
             sensor,

@@ -14,7 +14,7 @@ use palpate_schemas::JobStage;
 use palpate_sim::kept::Cause;
 use palpate_sim::mesh::Mesh;
 use palpate_sim::press::PressSimulator;
-use palpate_sim::sampler::family::{sample_family, sample_runs};
+use palpate_sim::sampler::family::{sample_runs, sample_training};
 use palpate_sim::sampler::{SampleError, SamplerConfig};
 use palpate_sim::symmetry;
 use palpate_store::catalogue::VersionObject;
@@ -27,9 +27,6 @@ use super::{Plan, Progress, Sources, TrainingFailure, geometry, step};
 use crate::hints::Touched;
 use crate::wire::felt::press_from_store;
 use crate::wire::object::{read_format, unit_metres};
-
-/// Turns the seed of an object's touches into that of the further ones of its surface.
-const FURTHER: u64 = 1 << 62;
 
 /// The readings of one object.
 pub(super) struct Material {
@@ -213,15 +210,10 @@ fn touch(
                 progress(JobStage::Sampling, now, total)
             };
             let failed = |source| failure(object, size, source);
-            let mut sampled = |before: usize, n: usize, seed: u64| {
-                let mut heard = |taken: usize, _: usize| hear(before + taken);
-                sample_family(&simulator, &family, id, n, seed, &config, &mut heard)
-            };
-            let readings = sampled(0, n, seed).map_err(failed)?;
-            let more = match further {
-                0 => Vec::new(),
-                further => sampled(n, further, seed ^ FURTHER).map_err(failed)?,
-            };
+            let (numbers, mut trained) = ([n, further], |taken: usize, _: usize| hear(taken));
+            let sampled =
+                sample_training(&simulator, &family, id, numbers, seed, &config, &mut trained);
+            let [readings, more] = sampled.map_err(failed)?;
             let mut held = |taken: usize, _: usize| hear(n + further + taken);
             let runs = (runs, READINGS);
             let taken = sample_runs(&simulator, &family, id, runs, seed, &config, &mut held);
