@@ -170,6 +170,7 @@ fn bodies(path: &str) -> Vec<Value> {
         }
         "/v1/catalogues/{name}/trainings" => vec![
             json!({"objects": ["mug"], "readings_per_object": 20, "n_classes": 2, "seed": 1,
+                "surface_readings_per_object": 20,
                 "distance_range": {"min": 0.008, "max": 0.16},
                 "geometric": {"kind": "solid", "cell": 0.004},
                 "appearance": {"n_classes": [2], "discriminant_axes": 1, "report_readings": 1,
