@@ -83,8 +83,9 @@ def train(
 
     An object is trained from simulated touches of its mesh, or from readings at rest in one
     frame. `touches` and `surface_touches` are `readings_per_object` and
-    `surface_readings_per_object` of the API (default: 1000 and 2400, or as many as `touches`). `sensor` takes both (default: `digitacts-6x6`). All randomness comes from
-    `seed`; the object at index i uses seed + i. Runs on all cores; Ctrl-C stops it.
+    `surface_readings_per_object` of the API (default: 1000 and 2400, or as many as `touches`).
+    `sensor` takes both (default: `digitacts-6x6`). All randomness comes from `seed`; the object at
+    index i uses seed + i. Runs on all cores; Ctrl-C stops it.
     """
     used = Sensor.preset(DEFAULT_SENSOR) if sensor is None else sensor
     sources: list[tuple[str, Mesh | _native.Readings]] = []

@@ -95,7 +95,7 @@ await step("what the server refuses is told in its words", async () => {
 await step("a training is started, and its progress followed", async () => {
   await page.getByRole("button", { name: "Train …" }).click();
   await page.getByLabel("Simulated touches per mesh").fill("200");
-  await page.getByLabel("Touches for its surface").fill("400");
+  await page.getByLabel("Touches for its surface").fill("200");
   await page.getByLabel("solid").check();
   await page.getByRole("button", { name: "Start training" }).click();
   await page.locator("progress").first().waitFor();

@@ -55,7 +55,7 @@ export function TrainDialog({ objects, onClose }: { objects: ObjectInfo[]; onClo
               onInput={(event) => {
                 const asked = event.currentTarget.valueAsNumber;
                 setReadings(asked);
-                setOfSurface((before) => (asked > before ? asked : before));
+                if (asked > ofSurface) setOfSurface(asked);
               }} />
             <span class="hint">Objects with a robot’s touches are trained from those.</span>
           </div>
