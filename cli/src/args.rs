@@ -224,7 +224,7 @@ mod tests {
         "palpate draw press --mesh p.stl --sensor tekscan-26x26 --from -30,45 --turn 90 --out p.svg",
         "palpate draw press --object mug --pose 0,0,-27.8,1,0,0,0 --out bottom.svg",
         "palpate sensors add finger --preset digitacts-6x6",
-        "palpate train --readings-per-object 500 --seed 3 --sensor digitacts-6x6 mug cup",
+        "palpate train --readings-per-object 500 --surface-readings 900 --seed 3 --sensor digitacts-6x6 mug cup",
         "palpate touch --object mug --mesh mug.stl --readings 15 --seed 7",
         "palpate explore --object mug --readings 40 --out mug.json",
         "palpate explore --mesh part.stl --readings 100 --offline --out part.json",

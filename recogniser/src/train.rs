@@ -53,10 +53,10 @@ const NEIGHBOUR_FACING: f32 = 0.5;
 const SHRINKAGE: f64 = 0.02;
 
 /// Default number of simulated touches of a mesh, for all methods.
-pub const MESH_TOUCHES: u32 = 1_000;
+const MESH_TOUCHES: u32 = 1_000;
 
 /// Default number of simulated touches of a mesh for its surface, those for all methods among them.
-pub const SURFACE_TOUCHES: u32 = 2_400;
+const SURFACE_TOUCHES: u32 = 2_400;
 
 /// The numbers of simulated touches of a mesh, for all methods and for its surface, as stated or by
 /// default. If only the first is stated, the second equals it.
@@ -356,5 +356,13 @@ mod tests {
         let config = SurfaceConfig::default();
         let error = map_surface(&set(&apart), &space(), &config, None).unwrap_err();
         assert_eq!(error, TrainingError::Map(few));
+    }
+
+    #[test]
+    fn a_surface_has_more_touches_unless_a_number_is_stated() {
+        assert_eq!(mesh_touches(None, None), [1_000, 2_400]);
+        assert_eq!(mesh_touches(Some(60), None), [60, 60]);
+        assert_eq!(mesh_touches(Some(60), Some(90)), [60, 90]);
+        assert_eq!(mesh_touches(None, Some(5_000)), [1_000, 5_000]);
     }
 }

@@ -294,10 +294,10 @@ pub struct StartTraining {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 20, maximum = 20_000)]
     pub readings_per_object: Option<u32>,
-    /// Number of simulated readings of which the surface of such an object is made,
-    /// `readings_per_object` to 20000; all else is made of the first `readings_per_object` of them. A
-    /// surface keeps at most 1000 touches, spread evenly: the more there are to choose from and to
-    /// compare, the better it recognises. Default: 2400, or `readings_per_object` if that is given.
+    /// Number of simulated readings for the surface of such an object, `readings_per_object` to 20000.
+    /// The first `readings_per_object` of them also train everything else. A surface keeps at most 1000
+    /// touches, spread evenly, and recognises better if it can choose from more. Default: 2400, or
+    /// `readings_per_object` if that is given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 20, maximum = 20_000)]
     pub surface_readings_per_object: Option<u32>,

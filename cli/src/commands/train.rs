@@ -39,7 +39,7 @@ pub(crate) struct TrainArgs {
     /// Simulated readings per object that has only a mesh [default: 1000].
     #[arg(long, value_parser = clap::value_parser!(u32).range(20..=20_000))]
     readings_per_object: Option<u32>,
-    /// Simulated readings of which the surface of such an object is made [default: 2400, or
+    /// Simulated readings for the surface of such an object [default: 2400, or
     /// `--readings-per-object` if given].
     #[arg(long, value_parser = clap::value_parser!(u32).range(20..=20_000))]
     surface_readings: Option<u32>,

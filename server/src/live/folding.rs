@@ -192,7 +192,7 @@ impl Folding {
         let order = stored_order(&order[..fold.n]);
         if self.is_open() {
             self.checkpoints.keep(id, &Checkpoint { catalogue, version, order, conclusions });
-            // A session that ends first removes the checkpoint, perhaps before it was stored.
+            // The end of a session removes its checkpoint, perhaps before this one was stored.
             if !self.is_open() {
                 self.checkpoints.remove(id);
             }

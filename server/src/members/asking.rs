@@ -1,8 +1,8 @@
 //! Questions to several members at once: one message to each with all its blocks, the first copy
 //! first.
 //!
-//! The next holder of a block is asked when a member cannot answer or takes long. The first answer
-//! counts: all answers are equal bit for bit.
+//! When a member cannot answer or takes long, the next holder of its block is asked as well. The
+//! first answer counts: all answers are equal bit for bit.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;

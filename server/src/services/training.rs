@@ -55,7 +55,7 @@ pub(crate) struct Plan {
     /// Trust in its description.
     pub(crate) knowledge: SensorKnowledge,
     pub(crate) readings_per_object: usize,
-    /// Number of simulated touches of which a surface is made, at least `readings_per_object`.
+    /// Number of simulated touches for a surface, at least `readings_per_object`.
     pub(crate) surface_readings_per_object: usize,
     pub(crate) seed: u64,
     pub(crate) config: TrainingConfig,

@@ -5884,10 +5884,10 @@ export interface components {
             surface?: boolean | null;
             /**
              * Format: int32
-             * @description Number of simulated readings of which the surface of such an object is made,
-             *     `readings_per_object` to 20000; all else is made of the first `readings_per_object` of them. A
-             *     surface keeps at most 1000 touches, spread evenly: the more there are to choose from and to
-             *     compare, the better it recognises. Default: 2400, or `readings_per_object` if that is given.
+             * @description Number of simulated readings for the surface of such an object, `readings_per_object` to 20000.
+             *     The first `readings_per_object` of them also train everything else. A surface keeps at most 1000
+             *     touches, spread evenly, and recognises better if it can choose from more. Default: 2400, or
+             *     `readings_per_object` if that is given.
              */
             surface_readings_per_object?: number | null;
             /**

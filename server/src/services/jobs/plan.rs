@@ -1,6 +1,6 @@
 //! Plans of trainings: the request is checked on arrival, and its names are looked up at its turn.
 
-use palpate_recogniser::train::MESH_TOUCHES;
+use palpate_recogniser::train::mesh_touches;
 use palpate_schemas::{SensorKnowledge, StartTraining};
 use palpate_store::catalogue::{Manifest, VersionObject};
 use palpate_store::entity::Object;
@@ -93,15 +93,15 @@ impl Jobs {
                 sensor
             }
         };
-        let readings_per_object = training.readings_per_object.unwrap_or(MESH_TOUCHES) as usize;
+        let asked = (training.readings_per_object, training.surface_readings_per_object);
+        let touches = mesh_touches(asked.0, asked.1).map(|n| n as usize);
+        let [readings_per_object, surface_readings_per_object] = touches;
         Ok(Plan {
             objects: objects?,
             sensor,
             knowledge,
             readings_per_object,
-            surface_readings_per_object: training
-                .surface_readings_per_object
-                .map_or(readings_per_object, |n| n as usize),
+            surface_readings_per_object,
             seed: training.seed.unwrap_or(1),
             config: convert::training::config(training)?,
             geometric: training.geometric.as_ref().map(convert::geometry::config),
