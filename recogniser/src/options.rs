@@ -70,7 +70,8 @@ pub struct RefinementScale {
     /// Deviation of a touch from the surface, metres; less than [`TouchScale::across`], which
     /// also allows for poses that are not refined yet.
     pub across: f32,
-    /// Distance along the surface within which patches determine its height, metres.
+    /// Distance along the surface within which patches determine its height, metres; more where they
+    /// lie far apart (`refine::surface_point`).
     pub smoothing: f32,
     /// Factor by which the deviation of normals is enlarged.
     pub normal_factor: f32,

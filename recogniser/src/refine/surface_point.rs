@@ -12,6 +12,10 @@ use crate::verify::density::{Kernel, Width};
 /// height of the surface.
 const FACING_MIN: f32 = 0.3;
 
+/// Least smoothing of the height, in spacings of patches: beyond it a patch hardly counts, since its
+/// curved surface tells little so far away.
+const SMOOTHING_SPACINGS: f32 = 0.4;
+
 /// Least weight of a patch, so that the mean exists.
 const WEIGHT_MIN: f32 = 1e-12;
 
@@ -43,6 +47,7 @@ pub(crate) fn surface_point(
     // As wide across as along, since this weight selects patches and does not measure height.
     let width = kernel.width(map, touch);
     let width = Width { across: width.along, ..width };
+    let smoothing = kernel.refinement.smoothing.max(SMOOTHING_SPACINGS * map.spacing()).powi(2);
     for index in near.touches() {
         let facet = &map.facets()[usize::from(index)];
         let density = kernel.patch_density(width, facet, &at, touch);
@@ -60,7 +65,6 @@ pub(crate) fn surface_point(
         };
         if agreement >= FACING_MIN {
             let flat = off.length_squared() - off.dot(facet.normal).powi(2);
-            let smoothing = kernel.refinement.smoothing.powi(2);
             let weight = exp(-flat / smoothing) * agreement + HEIGHT_WEIGHT_MIN;
             height += weight * above;
             heights += weight;
@@ -105,6 +109,29 @@ mod tests {
         assert!(place.offset.truncate().length() < 0.002_6, "{}", place.offset);
         // A plane touched every millimetre has the least scatter: 0.05 rad both ways.
         assert!((place.normal_deviation - 0.05 * 2f32.sqrt()).abs() < 1e-4);
+    }
+
+    #[test]
+    fn between_patches_far_apart_the_nearest_ones_tell_the_height() {
+        let kernel = Kernel::new(&SurfaceOptions::default());
+        // Waves of 2 mm, 63 mm long, touched every 12 mm.
+        let wave = |x: f64, y: f64| {
+            let (height, slope) = ((100.0 * x).sin() * 0.002, (100.0 * x).cos() * 0.2);
+            let normal = DVec3::new(-slope, 0.0, 1.0).normalize();
+            let position = DVec3::new(x, y, height);
+            Touch { position, normal, direction: DVec3::Y, ..places(1, 0).remove(0) }
+        };
+        let at = |n: u32| 0.012 * f64::from(n);
+        let grid: Vec<Touch> = (0..100).map(|n| wave(at(n % 10), at(n / 10))).collect();
+        let map = map_of(&grid);
+        let pose = some_pose(2);
+        for (x, y) in [(0.040, 0.052), (0.052, 0.064), (0.064, 0.039), (0.076, 0.040)] {
+            let touch = wave(x, y);
+            let place = surface_point(&kernel, &map, &inverse(&pose), &seen(&touch, &pose));
+            let place = place.unwrap();
+            let height = place.offset.dot(place.normal);
+            assert!(height.abs() < 0.000_4, "{height} at {x}, {y}");
+        }
     }
 
     #[test]
