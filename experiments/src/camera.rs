@@ -40,6 +40,9 @@ const READINGS: usize = 6;
 /// Probability of the true object from which a session counts as decided.
 const SURE: f64 = 0.95;
 
+/// Least probability of the true object that counts, so that one session does not decide a mean.
+const PROBABILITY_MIN: f64 = 1e-6;
+
 /// Arguments of `camera`.
 #[derive(Args, Clone, Debug, Serialize)]
 pub struct Camera {
@@ -85,6 +88,13 @@ struct Step {
     ms: f64,
 }
 
+impl Step {
+    /// −ln of the probability of the true object.
+    fn surprise(&self) -> f64 {
+        -self.probability.max(PROBABILITY_MIN).ln()
+    }
+}
+
 /// The sessions of one saying.
 struct Heard {
     /// Touches of each session, in order.
@@ -100,6 +110,8 @@ struct Row {
     sessions: usize,
     accuracy: f64,
     probability_mean: f64,
+    /// Mean −ln of the probability of the true object.
+    surprise_mean: f64,
     unknown_mean: f64,
     posed: f64,
     position_error_mm_median: f64,
@@ -242,6 +254,7 @@ fn summarise(report: &mut Report, objects: usize, saying: Saying, heard: &Heard)
             sessions: known.len(),
             accuracy: mean(&of_step(known, n, |s| f64::from(u8::from(s.is_right)))),
             probability_mean: mean(&of_step(known, n, |s| s.probability)),
+            surprise_mean: mean(&of_step(known, n, Step::surprise)),
             unknown_mean: mean(&of_step(known, n, |s| s.unknown)),
             posed: posed.len() as f64 / known.len() as f64,
             position_error_mm_median: median(&millimetres),
@@ -251,6 +264,7 @@ fn summarise(report: &mut Report, objects: usize, saying: Saying, heard: &Heard)
         if STATED_AT.contains(&n) {
             report.summarise(&key("accuracy"), row.accuracy);
             report.summarise(&key("probability"), row.probability_mean);
+            report.summarise(&key("surprise"), row.surprise_mean);
         }
         if n == 1 {
             report.summarise(&key("position_error_mm"), row.position_error_mm_median);

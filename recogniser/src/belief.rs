@@ -28,6 +28,7 @@ mod samples;
 mod scatter;
 mod search;
 mod stage;
+mod stated_pair;
 mod stated_search;
 mod stop_fit;
 mod surface_belief;

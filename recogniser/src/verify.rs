@@ -9,7 +9,7 @@ pub(crate) mod density;
 mod density_tests;
 pub(crate) mod evidence;
 pub(crate) mod free_space;
-mod gaussian;
+pub(crate) mod gaussian;
 pub(crate) mod hypothesis;
 pub(crate) mod motion_prior;
 pub(crate) mod null_model;

@@ -10,7 +10,7 @@ use palpate_core::reading::Looseness;
 use super::common::Common;
 use super::motion::Motion;
 use super::object::{ObjectBelief, n_searched, searched};
-use super::pair_weight::{pair_evidence, usual_density};
+use super::pair_weight::{density_anywhere, pair_evidence, usual_density};
 use super::positions;
 use super::posterior::{Explained, n_weighed, posterior};
 use super::retrieval::{n_candidates, retrieval_bar, retrieve};
@@ -90,7 +90,7 @@ impl Component {
                 self.follow(common);
                 self.propose_by_first_pair(common);
                 self.propose_stated(common);
-                self.weigh_pair();
+                self.weigh_pair(common);
             }
             _ => {
                 self.verify(common);
@@ -158,7 +158,7 @@ impl Component {
         self.stage = Stage::Appearance;
         let patches_max = if common.model.is_large() { TOUCHES_PER_OBJECT } else { usize::MAX };
         self.work(common, &Work::WeighAppearance { patches_max });
-        self.weigh_stated(common);
+        self.weigh_stated(common, 1.0);
     }
 
     /// Lays the poses of before a move onto the touches since.
@@ -181,7 +181,7 @@ impl Component {
 
     /// The evidence of two touches: the density of stored pairs like theirs, which is more
     /// informative than any pose. Equation R17 of docs/recogniser.md, k = 2.
-    fn weigh_pair(&mut self) {
+    fn weigh_pair(&mut self, common: &Common) {
         // Two touches at one place are no pair: the evidence of the first one stays.
         if self.objects.iter().all(|object| object.pair.appearance <= 0.0) {
             return;
@@ -191,7 +191,10 @@ impl Component {
         for object in searched(&mut self.objects) {
             object.log_evidence = pair_evidence(&object.pair, usual);
         }
-        self.correct_pair();
+        if let [first, second] = &self.touches[..] {
+            let anywhere = density_anywhere([first, second], &common.options);
+            self.weigh_stated(common, (f64::from(usual) / anywhere).max(1.0));
+        }
     }
 
     /// Scores every hypothesis by the newest touch or, if the object drifts, by all touches,

@@ -1,6 +1,11 @@
 //! The evidence of two touches (equation R17, k = 2).
 
+use std::f64::consts::PI;
+
 use super::object::{ObjectBelief, n_searched};
+use crate::observe::observation::Observation;
+use crate::options::SurfaceOptions;
+use crate::propose::pair_density::mass;
 use crate::propose::proposals::PairEvidence;
 
 /// Share of pairs of touches with uninformative geometry: π₂ of equation R17.
@@ -21,6 +26,14 @@ pub(super) fn pair_evidence(pair: &PairEvidence, usual: f32) -> f64 {
     let density = if usual > 0.0 { pair.evidence / usual } else { 0.0 };
     let total = (1.0 - PAIR_OUTLIERS) * density + PAIR_OUTLIERS * pair.appearance;
     f64::from(total.max(f32::MIN_POSITIVE).ln())
+}
+
+/// Density of a pair of touches anywhere, on the scale of equation R10: as if the stored pairs
+/// were of two touches anywhere in the workspace. Part of equation R36.
+pub(super) fn density_anywhere(touches: [&Observation; 2], options: &SurfaceOptions) -> f64 {
+    let distance = f64::from(touches[0].position.distance(touches[1].position));
+    let volume = f64::from(options.scale.workspace);
+    mass(touches, options) * 4.0 * PI * distance.powi(2) / volume / (8.0 * PI)
 }
 
 #[cfg(test)]

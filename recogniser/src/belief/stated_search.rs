@@ -4,16 +4,16 @@
 //! A hypothesis is turned in a few fixed ways within its covariance. In each of them every patch
 //! that faces the way of the newest touch is laid onto it: the place of the object follows, and
 //! the hypothesis says how likely it is there. So the integral over places is exact, and only
-//! that over rotations is a sum.
+//! that over rotations is a sum. Both touches of a pair count by `stated_pair`.
 
-use glam::Quat;
-use palpate_core::log_prob::log_sum_exp;
+use glam::{Quat, Vec3};
 
 use super::object::{ObjectBelief, for_each_object};
 use super::search::judged;
+use super::stated_pair::Pair;
 use crate::model::SurfaceMap;
 use crate::observe::inverse_pose::{InversePose, TouchInObject};
-use crate::observe::observation::Observation;
+use crate::observe::observation::{Observation, Says};
 use crate::propose::proposals::Proposal;
 use crate::refine::merge::merge;
 use crate::refine::settle::settle;
@@ -31,12 +31,6 @@ const ROTATIONS_IF_MANY: usize = 16;
 /// Poses of an object that are proposed after a touch, and those of them that are refined.
 const PROPOSALS: usize = 16;
 const REFINED: usize = 3;
-
-/// κ₂ of equation R36: ln of the evidence of a pair (R17, k = 2) below that of its poses.
-const PAIR_BELOW_POSES: f64 = 28.0;
-
-/// Density below which a patch laid onto a touch counts nothing.
-const NEGLIGIBLE: f32 = 1e-6;
 
 /// The rotations of every hypothesis for the newest touch.
 pub(super) struct Turned<'a> {
@@ -60,70 +54,127 @@ impl<'a> Turned<'a> {
             n_patches: n_patches.unwrap_or(usize::MAX),
         }
     }
+}
 
-    /// Mean density of a touch over an object's poses by a hypothesis; `found` gets every patch
-    /// laid onto the touch with its share.
-    fn lay(
-        &self,
-        hypothesis: usize,
-        map: &SurfaceMap,
-        evidence: &Evidence<'_>,
-        ratios: &[f32],
-        found: &mut dyn FnMut(f32, Quat, glam::Vec3),
-    ) -> f32 {
-        let Some(touch) = evidence.touches.last() else { return 0.0 };
-        let drawn = &self.drawn[hypothesis];
-        let width = evidence.kernel.width(map, touch);
+/// The evidence of one touch or of a pair beside a statement. `log_evidence` holds the evidence by
+/// the uniform prior. `usual` is its unit: the density of a pair on a usual object over that of
+/// two touches anywhere; 1 for one touch. Equations R35 and R36.
+pub(super) fn weigh_stated(
+    objects: &mut [ObjectBelief],
+    evidence: &Evidence<'_>,
+    turned: &Turned<'_>,
+    usual: f64,
+) {
+    let touches = evidence.touches;
+    let n = touches.len().max(1);
+    let place = touches.iter().map(|touch| touch.position).sum::<Vec3>() / n as f32;
+    for_each_object(objects, evidence.maps, evidence.stop, |object, map| {
+        let Some(StatedOf { object: index, .. }) = object.motion_prior.stated else { return };
+        let (posed, placed, wrong) = turned.stated.shares(index);
+        let variance = f64::from(map.radius()).powi(2) / (3.0 * n as f64);
+        let uniform = wrong + placed * turned.stated.place(place, variance);
+        let mut sum = object.log_evidence.exp() * uniform;
+        let felt = Felt::new(turned, map, touches);
+        for (hypothesis, share) in posed {
+            let stated = Stated { turned, hypothesis, map, evidence };
+            let density = match &felt[..] {
+                [touch] => stated.density(touch),
+                [judge, laid] => stated.density_of_pair(laid, judge),
+                _ => return,
+            };
+            sum += share * density / usual;
+        }
+        object.log_evidence = sum.max(f64::MIN_POSITIVE).ln();
+    });
+}
+
+/// A touch with its appearance ratios at the patches that are laid onto it.
+struct Felt<'a> {
+    touch: &'a Observation,
+    ratios: Vec<f32>,
+}
+
+impl<'a> Felt<'a> {
+    /// The touches, the one that counts most last; of equal ones the newest. All patches are laid
+    /// onto the last of a pair, since the other touch tells places that are near each other.
+    fn new(turned: &Turned<'_>, map: &SurfaceMap, touches: &'a [Observation]) -> Vec<Self> {
+        let mut all: Vec<&Observation> = touches.iter().collect();
+        all.sort_by(|a, b| a.weight.total_cmp(&b.weight));
+        let last = all.len().saturating_sub(1);
+        let n =
+            |index: usize| if index > 0 && index == last { usize::MAX } else { turned.n_patches };
+        let felt = |(index, touch): (usize, &'a Observation)| Self {
+            touch,
+            ratios: ratios(map, touch, n(index)),
+        };
+        all.into_iter().enumerate().map(felt).collect()
+    }
+}
+
+/// A hypothesis of a statement, about an object.
+#[derive(Clone, Copy)]
+struct Stated<'a> {
+    turned: &'a Turned<'a>,
+    hypothesis: usize,
+    map: &'a SurfaceMap,
+    evidence: &'a Evidence<'a>,
+}
+
+impl Stated<'_> {
+    /// Mean density of a touch over the stated poses.
+    fn density(&self, felt: &Felt<'_>) -> f64 {
+        let outliers = self.evidence.options.scale.outliers;
+        let mean = self.lay(felt, &mut |_, _, _| ());
+        f64::from((1.0 - outliers) * mean + outliers)
+    }
+
+    /// Mean density of two touches over the stated poses. Where the first one is an outlier only
+    /// the other one counts.
+    fn density_of_pair(&self, laid: &Felt<'_>, judge: &Felt<'_>) -> f64 {
+        let (kernel, map) = (self.evidence.kernel, self.map);
+        let Felt { touch, ratios } = laid;
+        let pair = Pair { kernel, map, laid: touch, ratios, judge: judge.touch };
+        let both = f64::from(pair.density(self.turned.stated, self.hypothesis));
+        let outliers = f64::from(self.evidence.options.scale.outliers);
+        (1.0 - outliers) * both + outliers * self.density(judge)
+    }
+
+    /// Lays patches onto a touch in each rotation; `found` gets every pose with its share of the
+    /// mean density, which is returned.
+    fn lay(&self, felt: &Felt<'_>, found: &mut dyn FnMut(f32, Quat, Vec3)) -> f32 {
+        let Felt { touch, ratios } = felt;
+        let (kernel, drawn) = (self.evidence.kernel, &self.turned.drawn[self.hypothesis]);
+        let width = kernel.width(self.map, touch);
         let part = ((drawn.poses.len() * ratios.len()) as f32).recip();
         let mut sum = 0.0;
         for (rotation, mean) in &drawn.poses {
-            let inverse = InversePose::new(*rotation, glam::Vec3::ZERO);
+            let inverse = InversePose::new(*rotation, *mean);
             let at: TouchInObject = inverse.touch(touch);
-            for (facet, appearance) in map.facets().iter().zip(ratios) {
-                let place = touch.position - *rotation * facet.position;
-                let near = appearance * drawn.density(place - *mean);
-                if near < NEGLIGIBLE || !self.stated.holds(place) {
+            let near = drawn.near(&inverse.object_from_session);
+            for (facet, appearance) in self.map.facets().iter().zip(ratios) {
+                let Some(density) = near.density(at.point - facet.position) else { continue };
+                if touch.says != Says::Position && facet.normal.dot(at.normal) <= 0.0 {
                     continue;
                 }
-                let directions = evidence.kernel.directions(width, facet, facet.normal, &at, touch);
-                let share = part * near * directions;
+                let place = touch.position - *rotation * facet.position;
+                if !self.turned.stated.holds(place) {
+                    continue;
+                }
+                let directions = kernel.directions(width, facet, facet.normal, &at, touch);
+                let share = part * appearance * density * directions;
                 sum += share;
                 found(share, *rotation, place);
             }
         }
         sum
     }
-
-    fn ratios(&self, map: &SurfaceMap, touch: &Observation) -> Vec<f32> {
-        let mut ratios = Vec::new();
-        let n = self.n_patches.min(map.patches().len());
-        touch.appearance_ratios(map.features(), 0..n, &mut ratios);
-        ratios
-    }
 }
 
-/// The evidence of the first touch beside a statement. `log_evidence` holds the evidence by the
-/// uniform prior. Equation R35.
-pub(super) fn weigh_first(
-    objects: &mut [ObjectBelief],
-    evidence: &Evidence<'_>,
-    turned: &Turned<'_>,
-) {
-    let [touch] = evidence.touches else { return };
-    for_each_object(objects, evidence.maps, evidence.stop, |object, map| {
-        let Some(StatedOf { object: index, .. }) = object.motion_prior.stated else { return };
-        let (posed, placed, wrong) = turned.stated.shares(index);
-        let ratios = turned.ratios(map, touch);
-        let uniform = object.log_evidence.exp();
-        let variance = f64::from(map.radius()).powi(2) / 3.0;
-        let mut sum = uniform * (wrong + placed * turned.stated.place(touch.position, variance));
-        for (hypothesis, share) in posed {
-            let mean = turned.lay(hypothesis, map, evidence, &ratios, &mut |_, _, _| ());
-            let outliers = evidence.options.scale.outliers;
-            sum += share * f64::from((1.0 - outliers) * mean + outliers);
-        }
-        object.log_evidence = sum.max(f64::MIN_POSITIVE).ln();
-    });
+/// Appearance ratios of a touch at the first patches of a map, at most `n`.
+fn ratios(map: &SurfaceMap, touch: &Observation, n: usize) -> Vec<f32> {
+    let mut ratios = Vec::new();
+    touch.appearance_ratios(map.features(), 0..n.min(map.patches().len()), &mut ratios);
+    ratios
 }
 
 /// The hypotheses propose poses of the objects of at least this evidence (ln); all touches judge
@@ -143,11 +194,12 @@ pub(super) fn propose_stated(
         if object.log_evidence < evidence_min {
             return;
         }
-        let ratios = turned.ratios(map, newest);
+        let felt = Felt { touch: newest, ratios: ratios(map, newest, turned.n_patches) };
         let (posed, _, wrong) = turned.stated.shares(index);
         let mut proposals = Vec::with_capacity(PROPOSALS + 1);
         for (hypothesis, share) in posed {
-            turned.lay(hypothesis, map, evidence, &ratios, &mut |weight, rotation, translation| {
+            let stated = Stated { turned, hypothesis, map, evidence };
+            stated.lay(&felt, &mut |weight, rotation, translation| {
                 let weight = share as f32 * weight;
                 offer(&mut proposals, Proposal { rotation, translation, weight });
             });
@@ -178,19 +230,5 @@ fn offer(best: &mut Vec<Proposal>, proposal: Proposal) {
     best.truncate(PROPOSALS);
 }
 
-/// What a statement adds to the evidence of a pair: the mean of its density over the poses that
-/// explain the pair. Equation R36.
-pub(super) fn pair_correction(object: &ObjectBelief, stated: &StatedPrior) -> f64 {
-    let Some(StatedOf { object: index, .. }) = object.motion_prior.stated else { return 0.0 };
-    let score = |h: &crate::verify::hypothesis::Hypothesis| f64::from(h.score);
-    let without = object.hypotheses.iter().map(|hypothesis| {
-        let stated = object.motion_prior.log_stated(&hypothesis.inverse_pose());
-        score(hypothesis) - f64::from(stated)
-    });
-    let known = log_sum_exp(without);
-    // Poses that the search has not found count as the pair's evidence says.
-    let all = known.max(object.log_evidence + PAIR_BELOW_POSES);
-    let (_, _, wrong) = stated.shares(index);
-    let missed = wrong.max(f64::MIN_POSITIVE).ln() + (1.0 - (known - all).exp()).max(0.0).ln();
-    log_sum_exp(object.hypotheses.iter().map(|h| score(h) - all).chain([missed]))
-}
+#[cfg(test)]
+mod tests;

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use super::object::{ObjectBelief, for_each_object};
 use super::positions::propose_by_positions;
 use super::search::{Scope, add_scores, propose_poses, score_anew, settle_chosen};
-use super::stated_search::{Turned, propose_stated, weigh_first};
+use super::stated_search::{Turned, propose_stated, weigh_stated};
 use crate::propose::partners::Partner;
 use crate::refine::settle::settle;
 use crate::verify::evidence::{Evidence, Known};
@@ -46,10 +46,12 @@ pub(super) enum Work {
         /// Number of objects of the catalogue.
         n_objects: usize,
     },
-    /// The evidence of the first touch beside a stated prior.
+    /// The evidence of one touch or of a pair beside a stated prior.
     WeighStated {
         /// Patches that are laid onto the touch, in a large catalogue.
         patches_max: Option<usize>,
+        /// Density of the pair on a usual object; 1 for one touch.
+        usual: f64,
     },
     /// The stated prior proposes poses.
     ProposeStated {
@@ -93,10 +95,10 @@ impl Work {
             Self::ProposeByPositions { scope, n_objects } => {
                 propose_by_positions(objects, evidence, scope, *n_objects);
             }
-            Self::WeighStated { patches_max } => {
+            Self::WeighStated { patches_max, usual } => {
                 let Some(stated) = stated_of(objects) else { return };
                 let turned = Turned::new(&stated, evidence.touches.len(), *patches_max);
-                weigh_first(objects, evidence, &turned);
+                weigh_stated(objects, evidence, &turned, *usual);
             }
             Self::ProposeStated { patches_max, evidence_min } => {
                 let Some(stated) = stated_of(objects) else { return };
@@ -151,7 +153,8 @@ impl Work {
             Self::Propose { partners, .. } => {
                 partners.iter().all(|partner| partner.index.saturating_add(1) < n_touches)
             }
-            Self::WeighStated { .. } | Self::ProposeStated { .. } => n_touches > 0,
+            Self::WeighStated { .. } => (1..=2).contains(&n_touches),
+            Self::ProposeStated { .. } => n_touches > 0,
             Self::Settle { chosen } => chosen.len() == n_objects,
             _ => true,
         }

@@ -6,6 +6,8 @@
 //! changes the angle, and a pair that fits only because its angles are uncertain weighs less
 //! than one that fits closely.
 
+use std::f64::consts::TAU;
+
 use glam::{Vec2, Vec3};
 use palpate_core::exponential::exp;
 
@@ -98,6 +100,13 @@ pub(crate) fn pair_density(
     }
     let deviations = (variance_first * variance_second * variance_turn).sqrt();
     Some(USUAL_DEVIATIONS / deviations * exp(-0.5 * misfit))
+}
+
+/// The integral of [`pair_density`] over the distance (m), both cosines and the turn (rad) of the
+/// observed pair.
+pub(crate) fn mass(touches: [&Observation; 2], options: &SurfaceOptions) -> f64 {
+    let deviation = widened(options, touches).pair_deviation.distance;
+    f64::from(USUAL_DEVIATIONS) * TAU.powi(2) * f64::from(deviation)
 }
 
 /// Ratio of the density of both contacts' stretches, seen from the axis between them, to any

@@ -104,7 +104,24 @@ impl Kernel {
         touch: &Observation,
         left_out: usize,
     ) -> f32 {
-        self.score_on_map(map, &TouchOnMap::new(map, pose, touch), touch, left_out)
+        let width = self.width(map, touch);
+        self.score_on_map(map, &TouchOnMap::new(map, pose, touch), touch, width, left_out)
+    }
+
+    /// The score of one touch under a pose that stands for others about it: `more` has the
+    /// variances by which they differ at the touch, of its height above the surface (m²) and of its
+    /// normal (rad²).
+    pub(crate) fn score_about(
+        &self,
+        map: &SurfaceMap,
+        pose: &InversePose,
+        touch: &Observation,
+        more: [f32; 2],
+    ) -> f32 {
+        let Width { across, along, normal_variance } = self.width(map, touch);
+        let across = (across.recip() + more[0]).recip();
+        let width = Width { across, along, normal_variance: normal_variance + more[1] };
+        self.score_on_map(map, &TouchOnMap::new(map, pose, touch), touch, width, usize::MAX)
     }
 
     /// The sum of the scores of touches under each of `poses`. All are looked up on the map before
@@ -121,7 +138,10 @@ impl Kernel {
         }
         let of_pose = |pose: usize| {
             let on_map = on_map[pose * touches.len()..].iter().zip(touches);
-            on_map.map(|(found, touch)| self.score_on_map(map, found, touch, usize::MAX)).sum()
+            let score = |(found, touch): (&TouchOnMap, &&Observation)| {
+                self.score_on_map(map, found, touch, self.width(map, touch), usize::MAX)
+            };
+            on_map.map(score).sum()
         };
         (0..poses.len()).map(of_pose).collect()
     }
@@ -133,10 +153,10 @@ impl Kernel {
         map: &SurfaceMap,
         found: &TouchOnMap,
         touch: &Observation,
+        width: Width,
         left_out: usize,
     ) -> f32 {
         let facets = map.facets();
-        let width = self.width(map, touch);
         let mut sum = 0.0;
         let mut kept = 1.0;
         for (index, stands_for) in found.near.weighed() {
@@ -213,10 +233,22 @@ impl Kernel {
             Says::Position => 1.0,
             _ => self.normal_ratio(facet, normal, at.normal, width.normal_variance),
         };
+        facing * self.stretch(facet, at.direction, touch)
+    }
+
+    /// Density of a touch's stretch about a patch, with its direction in the object frame: D of
+    /// equation R4.
+    #[inline]
+    pub(crate) fn stretch(&self, facet: &Facet, direction: Vec3, touch: &Observation) -> f32 {
         let concentration = self.direction * facet.elongation() * touch.elongation;
-        let cosine = at.direction.dot(facet.direction);
-        let stretch = stretch_ratio(concentration, cosine, touch.steadiness.stretch_outliers);
-        facing * stretch
+        let cosine = direction.dot(facet.direction);
+        stretch_ratio(concentration, cosine, touch.steadiness.stretch_outliers)
+    }
+
+    /// Ratio of the density of an exact normal to a uniform distribution, by the determinant of
+    /// its covariance (rad⁴); outliers do not count.
+    pub(crate) fn normal_peak(&self, determinant: f32) -> f32 {
+        (1.0 - self.normal_outliers) * 2.0 / determinant.sqrt()
     }
 
     /// Ratio of the density of a touch's normal (`felt`) about the `expected` one of a facet to

@@ -55,7 +55,7 @@ fn between(low: f64, high: f64, variance: f64) -> f64 {
 
 /// The n-th of a fixed sequence of three independent standard normal numbers; the first is 0.
 /// Halton's sequence by the transform of Box and Muller.
-pub(super) fn quasi_normal(n: usize) -> Vector3<f64> {
+pub(crate) fn quasi_normal(n: usize) -> Vector3<f64> {
     if n == 0 {
         return Vector3::zeros();
     }

@@ -288,6 +288,21 @@ impl StatedPrior {
         }
     }
 
+    /// A hypothesis as the distribution of its rotation, and of the place given each.
+    pub(crate) fn turning(&self, hypothesis: usize) -> Turning {
+        let stated = &self.poses[hypothesis];
+        let GivenTurn { gain, left, inverse, .. } = stated.given_turn().expect("checked");
+        let peak = stated.scale * self.volume / (TAU.powf(1.5) * left.determinant().sqrt());
+        Turning {
+            rotation: stated.rotation,
+            translation: stated.translation,
+            turn: single(&block(&stated.covariance, 3, 3)),
+            gain: single(&gain),
+            inverse: single(&inverse),
+            peak: peak as f32,
+        }
+    }
+
     /// Whether the workspace has a place.
     pub(crate) fn holds(&self, place: Vec3) -> bool {
         let holds = |[low, high]: [Vec3; 2]| place.cmpge(low).all() && place.cmple(high).all();
@@ -320,10 +335,54 @@ pub(crate) struct Drawn {
 }
 
 impl Drawn {
-    /// Density of a place that lies `off` the mean.
-    pub(crate) fn density(&self, off: Vec3) -> f32 {
+    /// The density of a place that is seen from the object, turned one way.
+    pub(crate) fn near(&self, object_from_session: &Mat3) -> Near {
+        let inverse = *object_from_session * self.inverse * object_from_session.transpose();
+        Near { inverse, peak: self.peak }
+    }
+}
+
+/// The distribution of the rotation of a hypothesis, and of the place given it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Turning {
+    /// Its mean.
+    pub(crate) rotation: Quat,
+    pub(crate) translation: Vec3,
+    /// Covariance of the rotation vector from the mean, about the session's axes, rad².
+    pub(crate) turn: Mat3,
+    /// Place per rotation.
+    gain: Mat3,
+    inverse: Mat3,
+    peak: f32,
+}
+
+impl Turning {
+    /// Squared deviations of a place where the object is turned from the mean.
+    pub(crate) fn square(&self, turned: Vec3, place: Vec3) -> f32 {
+        let off = place - self.translation - self.gain * turned;
+        off.dot(self.inverse * off)
+    }
+
+    /// Density of a place that is off by this square.
+    pub(crate) fn density(&self, square: f32) -> f32 {
+        self.peak * (-0.5 * square).exp()
+    }
+}
+
+/// Density of the place of an object that is turned one way.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Near {
+    inverse: Mat3,
+    peak: f32,
+}
+
+impl Near {
+    /// Density of a place that lies `off` the mean, in the object frame; `None` where it is
+    /// negligible.
+    #[inline]
+    pub(crate) fn density(&self, off: Vec3) -> Option<f32> {
         let square = off.dot(self.inverse * off);
-        if square > FAR { 0.0 } else { self.peak * (-0.5 * square).exp() }
+        (square <= FAR).then(|| self.peak * (-0.5 * square).exp())
     }
 }
 

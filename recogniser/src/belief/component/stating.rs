@@ -5,7 +5,6 @@ use std::sync::Arc;
 use super::Component;
 use crate::belief::common::Common;
 use crate::belief::search::evidence_bar;
-use crate::belief::stated_search::pair_correction;
 use crate::belief::work::Work;
 use crate::model::joint_pairs::TOUCHES_PER_OBJECT;
 use crate::verify::motion_prior::StatedOf;
@@ -42,10 +41,11 @@ impl Component {
         }
     }
 
-    /// The evidence of the first touch beside the statement.
-    pub(super) fn weigh_stated(&mut self, common: &Common) {
+    /// The evidence of the first touch or the first pair beside the statement. `usual` is the
+    /// density of the touches on a usual object over that of touches anywhere.
+    pub(super) fn weigh_stated(&mut self, common: &Common, usual: f64) {
         if self.stated.is_some() {
-            self.work(common, &Work::WeighStated { patches_max: patches_max(common) });
+            self.work(common, &Work::WeighStated { patches_max: patches_max(common), usual });
         }
     }
 
@@ -59,14 +59,6 @@ impl Component {
         let reach = f64::from(options.score.drop_between);
         let evidence_min = evidence_bar(&self.objects, reach, n);
         self.work(common, &Work::ProposeStated { patches_max, evidence_min });
-    }
-
-    /// Adds what the statement says about the poses of a pair to its evidence.
-    pub(super) fn correct_pair(&mut self) {
-        let Some(stated) = &self.stated else { return };
-        for object in self.objects.iter_mut().filter(|object| !object.is_ruled_out) {
-            object.log_evidence += pair_correction(object, &stated.now);
-        }
     }
 }
 

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use glam::DVec3;
+use palpate_core::object::ObjectIdx;
 use palpate_core::reading::Looseness;
 
 use super::*;
@@ -9,8 +11,10 @@ use crate::belief::posterior::log_posterior;
 use crate::model::SurfaceModel;
 use crate::observe::touch::Touch;
 use crate::options::SurfaceOptions;
+use crate::pose_prior::{PoseHypothesis, PosePrior};
 use crate::propose::proposals::PairEvidence;
 use crate::test_support::{error, model_of, places, seen, single, some_pose};
+use crate::verify::stated_prior::{StatedPrior, Statement};
 
 fn common(objects: &[Vec<Touch>]) -> Common {
     Common::new(model_of(objects), SurfaceOptions::default(), None).unwrap()
@@ -100,6 +104,34 @@ fn after_two_touches_candidates_have_poses_and_all_have_scores() {
     let bar = retrieval_bar(&objects, 64);
     let mut off = objects.iter().filter(|object| object.retrieval_score < bar);
     assert!(off.clone().count() > 20 && off.all(|object| object.hypotheses.is_empty()));
+}
+
+#[test]
+fn an_unlucky_pair_does_not_outweigh_a_stated_pose() {
+    let all = objects(40, 60);
+    let common = common(&all);
+    let hypothesis = PoseHypothesis {
+        object: Some(ObjectIdx(2)),
+        session_from_object: some_pose(5),
+        covariance: PoseHypothesis::diagonal(0.01, 0.17),
+        weight: 1.0,
+    };
+    let said = PosePrior { hypotheses: vec![hypothesis], ..PosePrior::default() };
+    let statement = Arc::new(Statement::new(&said, &common.prior.log_objects, 0.04).unwrap());
+    let log_priors = statement.log_objects.clone();
+    let stated = StatedPrior::new(statement, DVec3::ZERO, &common.options);
+    let mut component = observed(&common, &[&all[2][3], &all[2][50]]);
+    component.state(Some(Arc::new(stated)));
+    component.propose_by_first_pair(&common);
+    // No stored pair of the true object is like the observed one, and another object has a hundred
+    // times as many as usual.
+    let usual = usual_density(&component.objects);
+    component.objects[2].pair.evidence = 0.0;
+    component.objects[2].hypotheses.clear();
+    component.objects[7].pair.evidence = 100.0 * usual;
+    component.weigh_pair(&common);
+    let log = |n: usize| component.objects[n].log_evidence + log_priors[n];
+    assert!((0..40).all(|n| n == 2 || log(n) < log(2) - 3.0), "{} {}", log(2), log(7));
 }
 
 #[test]

@@ -48,9 +48,10 @@ impl Coded for Work {
                 scope.put(to);
                 n_objects.put(to);
             }
-            Self::WeighStated { patches_max } => {
+            Self::WeighStated { patches_max, usual } => {
                 5u8.put(to);
                 patches_max.put(to);
+                usual.put(to);
             }
             Self::ProposeStated { patches_max, evidence_min } => {
                 6u8.put(to);
@@ -74,7 +75,7 @@ impl Coded for Work {
                 scope: Coded::take(from)?,
                 n_objects: Coded::take(from)?,
             },
-            5 => Self::WeighStated { patches_max: Coded::take(from)? },
+            5 => Self::WeighStated { patches_max: Coded::take(from)?, usual: Coded::take(from)? },
             6 => Self::ProposeStated {
                 patches_max: Coded::take(from)?,
                 evidence_min: Coded::take(from)?,
