@@ -22,8 +22,9 @@ const TURNS: usize = 4;
 /// Rotations of neighbouring patches together, which stand for all.
 const ABOUT: usize = 32;
 
-/// Poses of a hypothesis that the other touch judges.
+/// Poses that the other touch judges, of all hypotheses together, and the least number of one.
 const JUDGED: usize = 256;
+const JUDGED_MIN: usize = 64;
 
 /// Squared deviations of place and normal beyond which a patch is not laid onto a touch: e^−9 of
 /// the peak.
@@ -63,7 +64,8 @@ impl Pair<'_> {
     /// object. The poses that judge are chosen evenly by their shares.
     pub(super) fn density(&self, stated: &StatedPrior, hypothesis: usize) -> f32 {
         let laid = self.laid(stated, hypothesis);
-        let step = laid.iter().map(|pose| pose.share).sum::<f32>() / JUDGED as f32;
+        let n = (JUDGED / stated.n_poses()).max(JUDGED_MIN);
+        let step = laid.iter().map(|pose| pose.share).sum::<f32>() / n as f32;
         let (mut sum, mut passed, mut next) = (0.0, 0.0, 0.5 * step);
         for Laid { share, pose, more } in &laid {
             passed += share;
