@@ -193,7 +193,7 @@ impl Component {
         }
         if let [first, second] = &self.touches[..] {
             let anywhere = density_anywhere([first, second], &common.options);
-            self.weigh_stated(common, (f64::from(usual) / anywhere).max(1.0));
+            self.weigh_stated_pair(common, (f64::from(usual) / anywhere).max(1.0));
         }
     }
 

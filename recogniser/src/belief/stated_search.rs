@@ -7,6 +7,7 @@
 //! that over rotations is a sum. Both touches of a pair count by `stated_pair`.
 
 use glam::{Quat, Vec3};
+use palpate_core::log_prob::log_sum_exp;
 
 use super::object::{ObjectBelief, for_each_object};
 use super::search::judged;
@@ -31,6 +32,9 @@ const ROTATIONS_IF_MANY: usize = 16;
 /// Poses of an object that are proposed after a touch, and those of them that are refined.
 const PROPOSALS: usize = 16;
 const REFINED: usize = 3;
+
+/// κ₂ of equation R36d: ln of the evidence of a pair (R17, k = 2) below that of its poses.
+const PAIR_BELOW_POSES: f64 = 28.0;
 
 /// The rotations of every hypothesis for the newest touch.
 pub(super) struct Turned<'a> {
@@ -215,6 +219,23 @@ pub(super) fn propose_stated(
         object.hypotheses.extend(new);
         merge(&mut object.hypotheses, options);
     });
+}
+
+/// What a statement adds to the evidence of a pair by stored pairs: the mean of its density over
+/// the poses that explain the pair. Equation R36d.
+pub(super) fn pair_correction(object: &ObjectBelief, stated: &StatedPrior) -> f64 {
+    let Some(StatedOf { object: index, .. }) = object.motion_prior.stated else { return 0.0 };
+    let score = |h: &crate::verify::hypothesis::Hypothesis| f64::from(h.score);
+    let without = object.hypotheses.iter().map(|hypothesis| {
+        let stated = object.motion_prior.log_stated(&hypothesis.inverse_pose());
+        score(hypothesis) - f64::from(stated)
+    });
+    let known = log_sum_exp(without);
+    // Poses that the search has not found count as the pair's evidence says.
+    let all = known.max(object.log_evidence + PAIR_BELOW_POSES);
+    let (_, _, wrong) = stated.shares(index);
+    let missed = wrong.max(f64::MIN_POSITIVE).ln() + (1.0 - (known - all).exp()).max(0.0).ln();
+    log_sum_exp(object.hypotheses.iter().map(|h| score(h) - all).chain([missed]))
 }
 
 /// Keeps a proposal if it is among the best, which are in order; of equal ones the first.

@@ -1,10 +1,15 @@
 //! A component's use of a stated pose prior: it holds until the object may have moved.
 
+use std::f64::consts::LN_2;
 use std::sync::Arc;
+
+use palpate_core::log_prob::log_sum_exp;
 
 use super::Component;
 use crate::belief::common::Common;
+use crate::belief::object::ObjectBelief;
 use crate::belief::search::evidence_bar;
+use crate::belief::stated_search::pair_correction;
 use crate::belief::work::Work;
 use crate::model::joint_pairs::TOUCHES_PER_OBJECT;
 use crate::verify::motion_prior::StatedOf;
@@ -46,6 +51,23 @@ impl Component {
     pub(super) fn weigh_stated(&mut self, common: &Common, usual: f64) {
         if self.stated.is_some() {
             self.work(common, &Work::WeighStated { patches_max: patches_max(common), usual });
+        }
+    }
+
+    /// The evidence of a pair beside the statement: the mean of two estimates, by stored pairs and by
+    /// the stated poses. Each misses what the other finds. Equation R36.
+    pub(super) fn weigh_stated_pair(&mut self, common: &Common, usual: f64) {
+        let Some(stated) = self.stated.as_ref().map(|stated| Arc::clone(&stated.now)) else {
+            return;
+        };
+        let corrected = |object: &ObjectBelief| match object.is_ruled_out {
+            true => object.log_evidence,
+            false => object.log_evidence + pair_correction(object, &stated),
+        };
+        let by_pairs: Vec<f64> = self.objects.iter().map(corrected).collect();
+        self.weigh_stated(common, usual);
+        for (object, by_pairs) in self.objects.iter_mut().zip(by_pairs) {
+            object.log_evidence = log_sum_exp([object.log_evidence, by_pairs].into_iter()) - LN_2;
         }
     }
 

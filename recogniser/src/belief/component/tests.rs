@@ -8,6 +8,7 @@ use palpate_core::reading::Looseness;
 
 use super::*;
 use crate::belief::posterior::log_posterior;
+use crate::belief::stated_search::pair_correction;
 use crate::model::SurfaceModel;
 use crate::observe::touch::Touch;
 use crate::options::SurfaceOptions;
@@ -106,10 +107,9 @@ fn after_two_touches_candidates_have_poses_and_all_have_scores() {
     assert!(off.clone().count() > 20 && off.all(|object| object.hypotheses.is_empty()));
 }
 
-#[test]
-fn an_unlucky_pair_does_not_outweigh_a_stated_pose() {
-    let all = objects(40, 60);
-    let common = common(&all);
+/// A component that felt two patches of object 2, beside a statement that names it and its pose; with
+/// the ln of the objects' priors.
+fn told(common: &Common, all: &[Vec<Touch>]) -> (Component, Vec<f64>) {
     let hypothesis = PoseHypothesis {
         object: Some(ObjectIdx(2)),
         session_from_object: some_pose(5),
@@ -120,9 +120,17 @@ fn an_unlucky_pair_does_not_outweigh_a_stated_pose() {
     let statement = Arc::new(Statement::new(&said, &common.prior.log_objects, 0.04).unwrap());
     let log_priors = statement.log_objects.clone();
     let stated = StatedPrior::new(statement, DVec3::ZERO, &common.options);
-    let mut component = observed(&common, &[&all[2][3], &all[2][50]]);
+    let mut component = observed(common, &[&all[2][3], &all[2][50]]);
     component.state(Some(Arc::new(stated)));
-    component.propose_by_first_pair(&common);
+    component.propose_by_first_pair(common);
+    (component, log_priors)
+}
+
+#[test]
+fn an_unlucky_pair_does_not_outweigh_a_stated_pose() {
+    let all = objects(40, 60);
+    let common = common(&all);
+    let (mut component, log_priors) = told(&common, &all);
     // No stored pair of the true object is like the observed one, and another object has a hundred
     // times as many as usual.
     let usual = usual_density(&component.objects);
@@ -132,6 +140,28 @@ fn an_unlucky_pair_does_not_outweigh_a_stated_pose() {
     component.weigh_pair(&common);
     let log = |n: usize| component.objects[n].log_evidence + log_priors[n];
     assert!((0..40).all(|n| n == 2 || log(n) < log(2) - 3.0), "{} {}", log(2), log(7));
+}
+
+#[test]
+fn stored_pairs_count_beside_stated_poses() {
+    let all = objects(40, 60);
+    let common = common(&all);
+    let (mut component, _) = told(&common, &all);
+    let usual = usual_density(&component.objects);
+    let stated = Arc::clone(&component.stated.as_ref().unwrap().now);
+    let mut object = component.objects[2].clone();
+    object.log_evidence = pair_evidence(&object.pair, usual);
+    let by_pairs = object.log_evidence + pair_correction(&object, &stated);
+    let (mut by_poses, _) = told(&common, &all);
+    by_poses.objects[2].log_evidence = object.log_evidence;
+    let anywhere = density_anywhere([&by_poses.touches[0], &by_poses.touches[1]], &common.options);
+    by_poses.weigh_stated(&common, (f64::from(usual) / anywhere).max(1.0));
+    component.weigh_pair(&common);
+    let by_poses = by_poses.objects[2].log_evidence;
+    let mean = (0.5 * (by_pairs.exp() + by_poses.exp())).ln();
+    let found = component.objects[2].log_evidence;
+    assert!((found - mean).abs() < 1e-6, "{found} {by_pairs} {by_poses}");
+    assert!((by_pairs - by_poses).abs() > 0.1, "{by_pairs} {by_poses}");
 }
 
 #[test]
