@@ -14,6 +14,8 @@ use crate::commands::{
     touch::TouchArgs, train::TrainArgs, webhooks::WebhooksArgs,
 };
 
+use crate::help::GLOBAL;
+
 const EXAMPLES: &str = "\
 Examples:
   palpate demo                                see it all, with simulated robots
@@ -34,6 +36,7 @@ pub(crate) struct Cli {
     #[arg(
         long,
         global = true,
+        help_heading = GLOBAL,
         env = "PALPATE_SERVER",
         default_value = "http://127.0.0.1:7411",
         value_name = "URL"
@@ -43,6 +46,7 @@ pub(crate) struct Cli {
     #[arg(
         long = "key",
         global = true,
+        help_heading = GLOBAL,
         env = "PALPATE_KEY",
         hide_env_values = true,
         value_name = "KEY"
@@ -54,32 +58,34 @@ pub(crate) struct Cli {
     #[arg(
         long = "key-file",
         global = true,
+        help_heading = GLOBAL,
         env = "PALPATE_KEY_FILE",
         value_name = "FILE",
         conflicts_with = "api_key"
     )]
     pub(crate) api_key_file: Option<PathBuf>,
     /// Certificate authority to trust for https: a PEM file [default: the system's].
-    #[arg(long, global = true, env = "PALPATE_CA", value_name = "FILE")]
+    #[arg(long, global = true, help_heading = GLOBAL, env = "PALPATE_CA", value_name = "FILE")]
     pub(crate) ca: Option<PathBuf>,
     /// Configuration file (TOML), also PALPATE_CONFIG. `[serve]` holds settings of the server,
     /// `[client]` those of the other commands, named like the flags; see `palpate config`.
-    #[arg(long, global = true, value_name = "FILE")]
+    #[arg(long, global = true, help_heading = GLOBAL, value_name = "FILE")]
     pub(crate) config: Option<PathBuf>,
     /// Log format.
     #[arg(
         long,
         global = true,
+        help_heading = GLOBAL,
         env = "PALPATE_LOG_FORMAT",
         value_name = "FORMAT",
         default_value = "human"
     )]
     pub(crate) log_format: LogFormat,
     /// Print JSON to standard output and everything else to standard error.
-    #[arg(long, global = true)]
+    #[arg(long, global = true, help_heading = GLOBAL)]
     pub(crate) json: bool,
     /// Also log normal events.
-    #[arg(long, short, global = true)]
+    #[arg(long, short, global = true, help_heading = GLOBAL)]
     pub(crate) verbose: bool,
     /// The subcommand.
     #[command(subcommand)]

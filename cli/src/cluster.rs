@@ -12,7 +12,7 @@ use palpate_store::nats::NatsOptions;
 const SPOOL_FOLDER: &str = "spool";
 
 /// Where a server stores.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub(crate) struct StoreArgs {
     /// NATS cluster that stores the data instead of the folder: `nats://HOST:PORT[,HOST:PORT][/STREAM]`,
     /// or tls://…; servers of version 2.12 or later.
@@ -65,7 +65,7 @@ pub(crate) fn place(cluster: Option<&NatsOptions>, data: &Path) -> String {
 }
 
 /// How to reach a cluster.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub(crate) struct ClusterArgs {
     /// Credentials for the NATS cluster: a file with a user's JWT and key, as `nsc` writes it.
     #[arg(long, env = "PALPATE_STORE_CREDS", value_name = "FILE")]

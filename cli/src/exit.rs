@@ -34,18 +34,36 @@ pub(crate) fn code_of(outcome: anyhow::Result<()>) -> ExitCode {
         Err(error) => {
             if error.downcast_ref::<Ended>().is_none() {
                 eprintln!("error: {}", plain(&words(&error)));
-                if status(&error) == Some(401) {
-                    eprintln!("hint: set PALPATE_KEY to a key, or give it with --key");
-                }
-                if is_unreachable(&error) {
-                    eprintln!(
-                        "hint: start one with `palpate serve --data DIR`, or name it: --server URL"
-                    );
+                if let Some(hint) = hint(&error) {
+                    eprintln!("hint: {hint}");
                 }
             }
             ExitCode::from(code(&error))
         }
     }
+}
+
+/// What to do about an error, if that is known.
+fn hint(error: &anyhow::Error) -> Option<&'static str> {
+    let client = error.downcast_ref::<ClientError>()?;
+    let text = client.to_string();
+    Some(match client {
+        _ if status(error) == Some(401) => "set PALPATE_KEY to a key, or give it with --key",
+        ClientError::TimedOut { .. } => {
+            "the server may be busy: `palpate health` tells whether it answers at all"
+        }
+        // What rustls says of an answer that is not TLS.
+        _ if text.contains("InvalidContentType") => {
+            "the server does not speak TLS there: name it with --server http://…"
+        }
+        ClientError::Broken { .. } if text.contains("http://") => {
+            "the connection was accepted and closed: a server with TLS needs --server https://…"
+        }
+        _ if client.is_unreachable() => {
+            "start one with `palpate serve --data DIR`, or name it: --server URL"
+        }
+        _ => return None,
+    })
 }
 
 /// The error and its causes in one line. Causes already contained in the text are left out, as are

@@ -26,7 +26,7 @@ const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(60);
 
 /// Where a cell forwards to.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub(crate) struct ForwardArgs {
     /// Make this server a cell: forward its sessions to the central service at this address
     /// whenever that can be reached, and take catalogues and sensors from there (docs/scaling.md).

@@ -12,6 +12,7 @@ mod json_file;
 mod numbers;
 mod output;
 mod exit;
+mod ids;
 mod method;
 mod progress;
 mod readings_file;
@@ -25,6 +26,7 @@ mod forwarder;
 mod symmetry;
 mod verdict;
 mod trial;
+mod help;
 mod commands;
 mod args;
 mod dispatch;
@@ -68,13 +70,14 @@ fn main() -> ExitCode {
 /// Parses the command line on top of the environment and a configuration file.
 fn typed() -> anyhow::Result<Cli> {
     let typed: Vec<OsString> = std::env::args_os().collect();
-    let mut command = Cli::command();
+    let mut command = help::grouped(Cli::command());
     let file = settings::file(&command, &typed)?;
     if let Some(file) = &file {
         command = settings::layered(command, file);
     }
     // Help and usage errors exit here.
     let matches = command.clone().get_matches_from(typed);
+    help::check(&matches)?;
     let mut cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     if let Command::Config(args) = &mut cli.command {
         args.effective = settings::effective(&command, &matches, file.as_ref());

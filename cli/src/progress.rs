@@ -15,6 +15,7 @@ pub(crate) fn is_watched() -> bool {
 
 /// Templates of a stage with a known and an unknown number of steps.
 const COUNTED: &str = "{msg:<34} {bar:32} {pos}/{len} {eta}";
+const BEGUN: &str = "{msg:<34} {bar:32} {pos}/{len} {elapsed}";
 const STEPS: &str = "{msg:<24} {bar:32} {pos}/{len} {elapsed}";
 const UNCOUNTED: &str = "{msg:<34} {spinner} {elapsed}";
 
@@ -76,10 +77,19 @@ impl TrainingProgress {
     pub(crate) fn show(&mut self, job: &Job) {
         let stage = stage_words(job);
         if let Some(bar) = &self.bar {
-            bar.set_style(style(if job.total > 0 { COUNTED } else { UNCOUNTED }));
+            let template = match (job.total, job.done) {
+                (0, _) => UNCOUNTED,
+                // Nothing is done from which the time left could be told.
+                (_, 0) => BEGUN,
+                _ => COUNTED,
+            };
+            bar.set_style(style(template));
             bar.set_message(stage);
-            bar.set_length(u64::from(job.total));
-            bar.set_position(u64::from(job.done));
+            // Both at once: the bar is drawn between two calls as well.
+            bar.update(|state| {
+                state.set_len(u64::from(job.total));
+                state.set_pos(u64::from(job.done));
+            });
         } else if job.stage.is_some() && job.stage != self.stage {
             self.output.say(format!("{stage} …"));
         }

@@ -166,7 +166,15 @@ fn layer(name: &str, known: &[&Arg], table: Table) -> anyhow::Result<Layer> {
     for (setting, value) in table {
         if !known.iter().any(|arg| key(arg) == setting) {
             let names: Vec<String> = known.iter().map(|arg| key(arg)).collect();
-            bail!("{name}.{setting} is no setting: expected one of {}", names.join(", "));
+            let nearest = names.iter().max_by(|a, b| {
+                let likeness = |name: &str| strsim::jaro_winkler(name, &setting);
+                likeness(a).total_cmp(&likeness(b))
+            });
+            bail!(
+                "{name}.{setting} is no setting: did you mean {}? There are {}",
+                nearest.map_or("none", String::as_str),
+                names.join(", ")
+            );
         }
         let words = match value {
             Value::Array(values) => values.into_iter().map(word).collect(),

@@ -69,7 +69,7 @@ impl Client {
     /// connect yet.
     ///
     /// # Errors
-    /// [`Error::Address`], [`Error::Key`], [`Error::Authority`] and [`Error::SetUp`].
+    /// [`Error::Address`], [`Error::AddressOfApi`], [`Error::Key`], [`Error::Authority`] and [`Error::SetUp`].
     pub fn new(address: &str) -> Result<Self, Error> {
         Self::with_options(address, ClientOptions::default())
     }
@@ -87,6 +87,9 @@ impl Client {
         }
         if !matches!(server.scheme(), "http" | "https") || server.host_str().is_none() {
             return Err(address_error());
+        }
+        if server.path().trim_end_matches('/').ends_with("/v1") {
+            return Err(Error::AddressOfApi { found: address.to_owned() });
         }
         // Keep a provider that is already installed.
         let _ = rustls::crypto::ring::default_provider().install_default();

@@ -72,6 +72,12 @@ pub enum Error {
         /// The given address.
         found: String,
     },
+    /// The address names the API below the server.
+    #[error("{found:?} ends with /v1, expected the address of the server without it")]
+    AddressOfApi {
+        /// The given address.
+        found: String,
+    },
     /// The key contains characters that no key has.
     #[error("the key has spaces or characters that no key has, expected one like palpate_…")]
     Key,

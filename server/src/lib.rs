@@ -55,4 +55,4 @@ pub use outbox::{Outbox, OutboxError};
 pub use palpate_store::nats::NatsOptions;
 pub use palpate_store::sled::FreeSpace;
 pub use secret::{ChosenKey, ChosenKeyError};
-pub use server::{Server, StartError};
+pub use server::{Server, StartError, check};

@@ -5,17 +5,15 @@
 
 mod database;
 mod dividing;
+mod start;
 
 use std::fmt;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
-use palpate_migrations::MigrateError;
-use palpate_store::database::{Database, DatabaseError};
+use palpate_store::database::Database;
 use palpate_store::engine::Engine;
-use palpate_store::error::StoreError;
-use thiserror::Error;
 use tokio::net::TcpListener;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
@@ -23,10 +21,9 @@ use tokio::task::JoinHandle;
 use crate::admission::Admission;
 use crate::app::{App, Parts};
 use crate::compute::Pool;
-use crate::config::{Access, Config};
+use crate::config::Config;
 use crate::door::Door;
 use crate::hearing::hear;
-use crate::middleware::headers::is_origin;
 use crate::middleware::telemetry;
 use crate::notices::Notices;
 use crate::outbox::Outbox;
@@ -39,16 +36,16 @@ use crate::services::commissionings::Commissionings;
 use crate::services::integrity;
 use crate::services::jobs::Jobs;
 use crate::services::keys::Keys;
-use crate::services::keys::error::OpenError;
 use crate::services::objects::Objects;
 use crate::services::sensors::Sensors;
 use crate::services::sessions::Sessions;
 use crate::services::storage::{self, Storage};
 use crate::services::webhooks::Webhooks;
-use crate::tls::TlsError;
 use crate::{openapi, tls};
 use database::{close, database, open};
 use dividing::catalogues;
+use start::is_exposed;
+pub use start::{StartError, check};
 
 /// Time limit of requests under way after a stop.
 const SHUTDOWN_PATIENCE: Duration = Duration::from_secs(10);
@@ -69,92 +66,6 @@ pub struct Server {
     admin_key: Option<String>,
 }
 
-/// Error of a server that does not start.
-#[derive(Debug, Error)]
-pub enum StartError {
-    /// The address is reachable from other machines, and keys are not required.
-    #[error(
-        "{address} can be reached from other machines and this server requires no keys: \
-         ask for keys with `--access keys` (the first one is made and printed), listen at \
-         127.0.0.1, or, in a network that you trust, allow it expressly with `--insecure-bind`"
-    )]
-    InsecureBind {
-        /// The given address.
-        address: SocketAddr,
-    },
-    /// The server cannot listen at the address.
-    #[error("cannot listen at {address}: {source}")]
-    Listen {
-        /// The given address.
-        address: SocketAddr,
-        /// The operating system's error.
-        source: std::io::Error,
-    },
-    /// An origin is not valid.
-    #[error(
-        "{found:?} is no origin, expected one as browsers send it, such as https://lab.example \
-         or http://localhost:3000, without a path"
-    )]
-    Origin {
-        /// The given origin.
-        found: String,
-    },
-    /// The files do not permit TLS.
-    #[error(transparent)]
-    Tls(#[from] TlsError),
-    /// Catalogues cannot be divided where one server has the store.
-    #[error("`--divide-copies` needs a shared store: `--store nats://…` and `--store-shared`")]
-    DividedAlone,
-    /// The operating system has no random bits for the first key.
-    #[error("cannot make the first key: {0}")]
-    Random(#[from] getrandom::Error),
-    /// A first admin key for a server without keys.
-    #[error("the access is `open`, which needs no keys, but a first admin key is given")]
-    NeedlessKey,
-    /// The operating system gives no threads.
-    #[error("cannot start threads: {0}")]
-    Threads(#[from] std::io::Error),
-    /// The threads of trainings, or of divided catalogues, do not start.
-    #[error("cannot start the threads of trainings or of divided catalogues: {0}")]
-    TrainingThreads(#[from] rayon::ThreadPoolBuildError),
-    /// The database cannot be opened.
-    #[error(transparent)]
-    Database(#[from] DatabaseError),
-    /// The database cannot be migrated to today's layout.
-    #[error("cannot migrate the database: {0}")]
-    Migrate(#[from] MigrateError),
-    /// The database cannot be read or written.
-    #[error(transparent)]
-    Store(#[from] StoreError),
-    /// The open sessions cannot be counted.
-    #[error("cannot read the sessions: {reason}")]
-    Sessions {
-        /// The cause.
-        reason: String,
-    },
-    /// The webhooks cannot be read.
-    #[error("cannot read the webhooks: {reason}")]
-    Webhooks {
-        /// The cause.
-        reason: String,
-    },
-    /// Unfinished jobs cannot be resumed.
-    #[error("cannot take up unfinished jobs: {reason}")]
-    Jobs {
-        /// The cause.
-        reason: String,
-    },
-}
-
-impl From<OpenError> for StartError {
-    fn from(error: OpenError) -> Self {
-        match error {
-            OpenError::Store(error) => Self::Store(error),
-            OpenError::Random(error) => Self::Random(error),
-        }
-    }
-}
-
 impl fmt::Debug for Server {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter.debug_struct("Server").field("address", &self.address()).finish_non_exhaustive()
@@ -167,17 +78,9 @@ impl Server {
     /// # Errors
     /// [`StartError`]; nothing is left running then.
     pub async fn start(config: Config) -> Result<Self, StartError> {
+        check(&config)?;
         let address = config.listen;
-        let is_exposed = !address.ip().is_loopback() && !config.insecure_bind;
-        if is_exposed && config.access == Access::Open {
-            return Err(StartError::InsecureBind { address });
-        }
-        if config.access == Access::Open && config.first_admin_key.is_some() {
-            return Err(StartError::NeedlessKey);
-        }
-        if let Some(found) = config.cors_origins.iter().find(|origin| !is_origin(origin)) {
-            return Err(StartError::Origin { found: found.clone() });
-        }
+        let is_exposed = is_exposed(&config);
         // First: metrics of what follows are lost without it.
         telemetry::metrics_handle();
         let tls_files = config.tls.clone();

@@ -79,7 +79,7 @@ pub(crate) const PAGE_BYTES: usize = 4 << 20;
 /// Milliseconds since 1970 in the wire form of times.
 pub(crate) fn time(ms: u64) -> String {
     let ms = i64::try_from(ms).unwrap_or(i64::MAX);
-    jiff::Timestamp::from_millisecond(ms).unwrap_or(jiff::Timestamp::MAX).to_string()
+    format!("{:.3}", jiff::Timestamp::from_millisecond(ms).unwrap_or(jiff::Timestamp::MAX))
 }
 
 /// Checks a new name: short, safe in paths and shells, and distinct from ids.

@@ -29,7 +29,7 @@ use tokio::task::JoinSet;
 
 use self::screen::Screen;
 use self::summary::Summary;
-use super::serve::DEFAULT_LISTEN;
+use super::serve::{DEFAULT_LISTEN, listen_address};
 use super::{touch, train};
 use crate::exit::Ended;
 use crate::output::Output;
@@ -75,7 +75,7 @@ pub(crate) struct DemoArgs {
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
     /// Address to listen on [default: 127.0.0.1:7411, or any free port if that is taken].
-    #[arg(long, value_name = "ADDR")]
+    #[arg(long, value_name = "ADDR", value_parser = listen_address)]
     listen: Option<SocketAddr>,
 }
 

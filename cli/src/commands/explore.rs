@@ -23,6 +23,7 @@ use super::sensors::parse_preset;
 use super::touch::ensure_sensor;
 use crate::exit::Ended;
 use crate::explorer::{self, Plan};
+use crate::ids::SessionName;
 use crate::method::among;
 use crate::output;
 use crate::readings_file::ReadingsFile;
@@ -78,7 +79,7 @@ pub(crate) struct ExploreArgs {
     iterations: u32,
     /// Session to send the readings to [default: a new one].
     #[arg(long, conflicts_with = "offline")]
-    session: Option<Uuid>,
+    session: Option<SessionName>,
     /// Catalogue of a new session.
     #[arg(long, default_value = "default")]
     catalogue: String,
@@ -275,8 +276,8 @@ fn plan(args: &ExploreArgs) -> anyhow::Result<Plan> {
 
 /// The session named, or a new one.
 async fn session(args: &ExploreArgs, context: &Context) -> anyhow::Result<Session> {
-    let session = match args.session {
-        Some(id) => context.client.session(id).await?,
+    let session = match &args.session {
+        Some(name) => context.client.session(name.id(&context.client).await?).await?,
         None => {
             let new = CreateSession {
                 catalogue: Some(args.catalogue.clone()),

@@ -4,9 +4,9 @@ use clap::{Args, Subcommand};
 use palpate_client::schemas::{
     AcknowledgeSessions, AttentionLevel, CloseSessions, Fleet, FleetChanged, FleetQuery,
 };
-use uuid::Uuid;
 
 use super::Context;
+use crate::ids::{SessionName, ids};
 use crate::output;
 use crate::verdict;
 
@@ -28,18 +28,18 @@ enum Action {
     /// Say that somebody has seen the alarms of sessions: they need attention again when a new
     /// alarm comes.
     Acknowledge {
-        /// Ids of the sessions.
+        /// Ids of the sessions, or their last digits.
         #[arg(required = true)]
-        sessions: Vec<Uuid>,
+        sessions: Vec<SessionName>,
         /// Minutes, up to a week, for which new alarms need no attention either; 0 ends this.
         #[arg(long, value_parser = clap::value_parser!(u32).range(0..=10_080))]
         mute_minutes: Option<u32>,
     },
     /// Close sessions; to state what an object was, use `palpate sessions close`.
     Close {
-        /// Ids of the sessions.
+        /// Ids of the sessions, or their last digits.
         #[arg(required = true)]
-        sessions: Vec<Uuid>,
+        sessions: Vec<SessionName>,
     },
 }
 
@@ -52,10 +52,12 @@ pub(crate) async fn run(args: FleetArgs, context: &Context) -> anyhow::Result<()
             return output.answer(&fleet, words);
         }
         Some(Action::Acknowledge { sessions, mute_minutes }) => {
+            let sessions = ids(&sessions, client).await?;
             let mute_s = mute_minutes.map(|minutes| 60 * minutes);
             client.acknowledge_sessions(&AcknowledgeSessions { sessions, mute_s }).await?
         }
         Some(Action::Close { sessions }) => {
+            let sessions = ids(&sessions, client).await?;
             client.close_sessions(&CloseSessions { sessions }).await?
         }
     };

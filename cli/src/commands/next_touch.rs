@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 use palpate_client::schemas::{AskNextTouches, NextTouches, TouchWorkspace};
-use uuid::Uuid;
 
 use super::Context;
+use crate::ids::SessionName;
 use crate::json_file::read_json;
 use crate::numbers::numbers;
 use crate::output;
@@ -19,8 +19,8 @@ use crate::output;
     A file of candidates is a JSON list: [{\"pose\": {\"position\": [0.4, 0, 0.3], \
     \"orientation\": [1, 0, 0, 0]}, \"reach_m\": 0.2, \"cost\": 1.5}, …].")]
 pub(crate) struct NextTouchArgs {
-    /// Id of the session.
-    session: Uuid,
+    /// Id of the session, or its last digits.
+    session: SessionName,
     /// Id or name of the sensor that will touch.
     #[arg(long, default_value = "digitacts-6x6")]
     sensor: String,
@@ -63,7 +63,8 @@ pub(crate) async fn run(args: NextTouchArgs, context: &Context) -> anyhow::Resul
         workspace: args.workspace,
         seed: Some(args.seed),
     };
-    let answer = context.client.next_touches(args.session, &question).await?;
+    let session = args.session.id(&context.client).await?;
+    let answer = context.client.next_touches(session, &question).await?;
     context.output.answer(&answer, words)
 }
 

@@ -2,15 +2,15 @@
 
 mod settings;
 
-use std::io::IsTerminal as _;
-use std::net::SocketAddr;
+use std::io::{ErrorKind, IsTerminal as _};
+use std::net::{Ipv4Addr, SocketAddr};
 use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::Context as _;
 use clap::{Args, ValueEnum};
-use palpate_server::{Config, Server};
+use palpate_server::{Config, Server, StartError};
 use palpate_store::private;
 use serde_json::json;
 
@@ -23,7 +23,7 @@ use crate::supervisor::{self, Notice};
 pub(crate) const DEFAULT_LISTEN: &str = "127.0.0.1:7411";
 
 /// Arguments of `palpate serve`.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 #[command(after_help = "Examples:\n  palpate serve\n  \
     palpate serve --data /var/lib/palpate --listen 127.0.0.1:7411")]
 #[expect(clippy::struct_excessive_bools, reason = "flags, each for itself")]
@@ -35,8 +35,9 @@ pub(crate) struct ServeArgs {
     store: crate::cluster::StoreArgs,
     #[command(flatten)]
     forward: ForwardArgs,
-    /// Address to listen on; port 0 takes any free port.
-    #[arg(long, env = "PALPATE_LISTEN", value_name = "ADDR", default_value = DEFAULT_LISTEN)]
+    /// Address to listen on, or a port of this machine alone; port 0 takes any free port.
+    #[arg(long, env = "PALPATE_LISTEN", value_name = "ADDR", default_value = DEFAULT_LISTEN,
+        value_parser = listen_address)]
     listen: SocketAddr,
     /// Allow an address that other machines can reach although the server requires no keys.
     #[arg(long)]
@@ -283,11 +284,23 @@ const ADMIN_KEY: &str = "An admin's key was made. It is shown this once; keep it
 /// File in the data folder for the admin key if standard output is not a terminal.
 const ADMIN_KEY_FILE: &str = "admin.key";
 
+/// An address to listen on: `127.0.0.1:7411`, `[::1]:7411`, `localhost:7411`, or a port alone.
+pub(crate) fn listen_address(text: &str) -> Result<SocketAddr, String> {
+    let local = |port: &str| port.parse().ok().map(|port| (Ipv4Addr::LOCALHOST, port).into());
+    let address = text.parse().ok();
+    let address = address.or_else(|| local(text.strip_prefix("localhost:").unwrap_or(text)));
+    address.ok_or_else(|| {
+        format!("came {text:?}, expected an address with a port, such as {DEFAULT_LISTEN}")
+    })
+}
+
 /// Serves until told to stop.
 pub(crate) async fn run(args: ServeArgs, output: Output) -> anyhow::Result<()> {
     let cluster = args.store.options(&args.data)?;
     let data = crate::cluster::place(cluster.as_ref(), &args.data);
     let first_admin_key = args.first_admin_key_file.as_deref().map(chosen).transpose()?;
+    // Before anything is written: a server that may not start leaves no folder behind.
+    palpate_server::check(&settings::config(args.clone()))?;
     let key_file = key_file(&args)?;
     let (forward, central) = args.forward.prepared()?.unzip();
     anyhow::ensure!(
@@ -296,7 +309,14 @@ pub(crate) async fn run(args: ServeArgs, output: Output) -> anyhow::Result<()> {
     );
     let config = settings::config(args);
     let started = Config { first_admin_key, cluster, forward: forward.clone(), ..config };
-    let mut server = Server::start(started).await?;
+    let server = Server::start(started).await;
+    let mut server = server.map_err(|error| match error {
+        StartError::Listen { ref source, .. } if source.kind() == ErrorKind::AddrInUse => {
+            anyhow::Error::from(error)
+                .context("another program listens there: choose a port with --listen")
+        }
+        error => error.into(),
+    })?;
     let address = server.address();
     let mut started = json!({ "server": address, "docs": format!("{address}/docs"), "data": data });
     let admin_key = server.take_admin_key();
@@ -361,5 +381,7 @@ fn key_file(args: &ServeArgs) -> anyhow::Result<Option<AdminKeyFile>> {
             args.data.join(ADMIN_KEY_FILE)
         }
     };
-    AdminKeyFile::prepare(&path).map(Some)
+    let file = AdminKeyFile::prepare(&path);
+    let file = file.with_context(|| format!("cannot write to the folder {}", args.data.display()));
+    file.map(Some)
 }

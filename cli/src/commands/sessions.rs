@@ -5,7 +5,6 @@ mod feel;
 mod history;
 mod list;
 
-use anyhow::Context as _;
 use clap::{Args, Subcommand};
 use futures::StreamExt;
 use palpate_client::schemas::{
@@ -13,12 +12,12 @@ use palpate_client::schemas::{
     SessionEvent,
 };
 use serde::Serialize;
-use uuid::Uuid;
 
 use super::Context;
 use super::labels::LabelArgs;
 use crate::calibrated;
 use crate::exit::Ended;
+use crate::ids::SessionName;
 use crate::output;
 use crate::symmetry;
 use crate::verdict::{NONE, NONE_OF_THESE, Verdict};
@@ -47,16 +46,16 @@ enum Action {
     Export(export::ExportArgs),
     /// Keep a session open without new readings (a lease).
     Extend {
-        /// Id of the session.
-        session: Uuid,
+        /// Id of the session, or its last digits.
+        session: SessionName,
         /// Seconds from now for which the session stays open.
         #[arg(long, value_parser = clap::value_parser!(u32).range(1..=31_536_000))]
         seconds: u32,
     },
     /// Close a session: it accepts no more readings, but its belief can still be read.
     Close {
-        /// Id of the session.
-        session: Uuid,
+        /// Id of the session, or its last digits.
+        session: SessionName,
         /// Id or name of the true object, or `none` if the catalogue does not have it. The server
         /// counts how often it was right.
         #[arg(long, alias = "truth", conflicts_with = "none_of_these")]
@@ -67,29 +66,29 @@ enum Action {
     },
     /// Show a session and its belief.
     Show {
-        /// Id of the session.
-        session: Uuid,
+        /// Id of the session, or its last digits.
+        session: SessionName,
         /// Maximum number of pose hypotheses.
         #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(0..=100))]
         poses: u32,
     },
     /// Follow a session's belief until the session closes or Ctrl-C.
     Watch {
-        /// Id of the session.
-        session: Uuid,
+        /// Id of the session, or its last digits.
+        session: SessionName,
     },
     /// Show the marginals of the pose (methods `geometric…`).
     Marginals {
-        /// Id of the session.
-        session: Uuid,
+        /// Id of the session, or its last digits.
+        session: SessionName,
         /// Id or name of an object of the session's version [default: the likeliest].
         #[arg(long)]
         object: Option<String>,
     },
     /// List a session's readings, including retracted ones.
     Readings {
-        /// Id of the session.
-        session: Uuid,
+        /// Id of the session, or its last digits.
+        session: SessionName,
     },
     /// Send one contact without an image: of a bumper, a force–torque sensor or a single taxel.
     #[command(after_help = "Examples:\n  palpate sessions feel <session> --sensor wrist \
@@ -100,8 +99,8 @@ enum Action {
     #[command(after_help = "Examples:\n  palpate sessions retract <session> 17\n  \
         palpate sessions retract <session> --robot arm-3 --seq 4")]
     Retract {
-        /// Id of the session.
-        session: Uuid,
+        /// Id of the session, or its last digits.
+        session: SessionName,
         /// Number of the reading within the session, as `readings` lists it.
         #[arg(required_unless_present = "robot", conflicts_with = "robot")]
         number: Option<u32>,
@@ -114,8 +113,8 @@ enum Action {
     },
     /// Show the answer of a session at each revision.
     Replay {
-        /// Id of the session.
-        session: Uuid,
+        /// Id of the session, or its last digits.
+        session: SessionName,
         /// Last revision [default: the newest].
         #[arg(long)]
         upto: Option<u32>,
@@ -125,16 +124,16 @@ enum Action {
     },
     /// Show what each reading contributed, and which readings disagree with the rest.
     Explain {
-        /// Id of the session.
-        session: Uuid,
+        /// Id of the session, or its last digits.
+        session: SessionName,
         /// Revision to explain [default: the newest].
         #[arg(long)]
         at: Option<u32>,
     },
     /// Delete a session with its readings.
     Remove {
-        /// Id of the session.
-        session: Uuid,
+        /// Id of the session, or its last digits.
+        session: SessionName,
     },
 }
 
@@ -152,20 +151,21 @@ pub(crate) async fn run(args: SessionsArgs, context: &Context) -> anyhow::Result
     match args.action {
         Action::List(args) => list::list(args, context).await,
         Action::Label(args) => {
-            let id: Uuid = args.thing.parse().context("expected a session's id")?;
+            let id: SessionName = args.thing.parse().map_err(anyhow::Error::msg)?;
+            let id = id.id(client).await?;
             let session = client.set_session_labels(id, &args.labels()).await?;
             output.answer(&session, |session| table(std::slice::from_ref(session)))
         }
         Action::Export(args) => export::export(client, args).await,
         Action::Extend { session, seconds } => {
-            let session = client.extend_session(session, seconds).await?;
+            let session = client.extend_session(session.id(client).await?, seconds).await?;
             output.answer(&session, |session| table(std::slice::from_ref(session)))
         }
         Action::Close { session, object, none_of_these } => {
             let is_none = none_of_these || object.as_deref() == Some(NONE);
             let object = object.filter(|_| !is_none);
             let told = CloseSession { object, none_of_these: is_none.then_some(true), pose: None };
-            let session = client.close_session_with(session, &told).await?;
+            let session = client.close_session_with(session.id(client).await?, &told).await?;
             output.answer(&session, |session| {
                 let closed = table(std::slice::from_ref(session));
                 session.truth.as_ref().map_or(closed.clone(), |truth| {
@@ -177,6 +177,7 @@ pub(crate) async fn run(args: SessionsArgs, context: &Context) -> anyhow::Result
             })
         }
         Action::Show { session, poses } => {
+            let session = session.id(client).await?;
             let belief =
                 client.belief(session, BeliefQuery { poses: Some(poses), at: None }).await?;
             let session = client.session(session).await?;
@@ -187,13 +188,14 @@ pub(crate) async fn run(args: SessionsArgs, context: &Context) -> anyhow::Result
                 format!("{session}\n\n{}\n\n{written}", belief_words(&shown.belief))
             })
         }
-        Action::Watch { session } => watch(session, context).await,
+        Action::Watch { session } => watch(session.id(client).await?, context).await,
         Action::Marginals { session, object } => {
-            let marginals = client.marginals(session, &MarginalsQuery { object }).await?;
+            let marginals =
+                client.marginals(session.id(client).await?, &MarginalsQuery { object }).await?;
             output.answer(&marginals, marginals_words)
         }
         Action::Readings { session } => {
-            let readings = history::readings(client, session).await?;
+            let readings = history::readings(client, session.id(client).await?).await?;
             output.answer(&readings, history::readings_words)
         }
         Action::Feel(args) => {
@@ -205,21 +207,24 @@ pub(crate) async fn run(args: SessionsArgs, context: &Context) -> anyhow::Result
             })
         }
         Action::Retract { session, number, robot, seq } => {
-            let retracted = history::retract(client, session, number, robot.zip(seq)).await?;
+            let retracted =
+                history::retract(client, session.id(client).await?, number, robot.zip(seq)).await?;
             output.answer(&retracted, |retracted| {
                 let belief = retracted.belief.as_ref().map(one_line).unwrap_or_default();
                 format!("retracted reading {}\n{belief}", retracted.number)
             })
         }
         Action::Replay { session, upto, after } => {
-            let replay = history::replay(client, session, upto, after).await?;
+            let replay = history::replay(client, session.id(client).await?, upto, after).await?;
             output.answer(&replay, history::replay_words)
         }
         Action::Explain { session, at } => {
-            let explanation = client.explain(session, ExplainQuery { at }).await?;
+            let explanation =
+                client.explain(session.id(client).await?, ExplainQuery { at }).await?;
             output.answer(&explanation, history::explanation_words)
         }
         Action::Remove { session } => {
+            let session = session.id(client).await?;
             client.delete_session(session).await?;
             output.say(format!("removed session {session}"));
             Ok(())
@@ -227,7 +232,7 @@ pub(crate) async fn run(args: SessionsArgs, context: &Context) -> anyhow::Result
     }
 }
 
-async fn watch(session: Uuid, context: &Context) -> anyhow::Result<()> {
+async fn watch(session: uuid::Uuid, context: &Context) -> anyhow::Result<()> {
     let mut events = context.client.session_events(session, None).await?;
     loop {
         let event = tokio::select! {

@@ -157,6 +157,12 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
     }
     let touched = Touched::of(session.id(), &result);
     output.answer(&touched, |touched| verdict(touched, &result.last, is_posed))?;
+    if let [only] = &version.report.objects[..] {
+        output.say(format!(
+            "{} is the only object of the catalogue: nothing had to be told apart. Train others",
+            only.name
+        ));
+    }
     if touched.right { Ok(()) } else { Err(Ended::NotRecognised.into()) }
 }
 

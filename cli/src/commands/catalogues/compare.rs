@@ -2,10 +2,10 @@
 
 use clap::Args;
 use palpate_client::schemas::{Job, JobState, ShadowAnswer, ShadowReport, ShadowVersion};
-use uuid::Uuid;
 
 use crate::commands::{Context, train};
 use crate::exit::Ended;
+use crate::ids::{SessionName, ids};
 use crate::output;
 use crate::verdict::NONE_OF_THESE;
 
@@ -25,7 +25,7 @@ pub(crate) struct CompareArgs {
     against: Option<u32>,
     /// Only these sessions, at most 300 [default: the newest 100 that have ended].
     #[arg(long = "session", value_name = "SESSION")]
-    sessions: Vec<Uuid>,
+    sessions: Vec<SessionName>,
     /// Accepted risk at which a session counts as decided [default: 0.05].
     #[arg(long)]
     risk: Option<f64>,
@@ -34,9 +34,10 @@ pub(crate) struct CompareArgs {
 /// Compares the versions and prints the report.
 pub(super) async fn run(args: CompareArgs, context: &Context) -> anyhow::Result<()> {
     let (client, output) = (&context.client, context.output);
+    let sessions = ids(&args.sessions, client).await?;
     let request = ShadowVersion {
         against: args.against,
-        sessions: (!args.sessions.is_empty()).then_some(args.sessions),
+        sessions: (!sessions.is_empty()).then_some(sessions),
         risk: args.risk,
     };
     let job = client.shadow_version(&args.catalogue, args.version, &request).await?;

@@ -6,10 +6,10 @@ use palpate_client::schemas::{
     RecalibrationStops,
 };
 use serde::Serialize;
-use uuid::Uuid;
 
 use crate::commands::{Context, train};
 use crate::exit::Ended;
+use crate::ids::{SessionName, ids};
 use crate::output;
 
 /// Arguments of `palpate catalogues recalibrate`.
@@ -30,7 +30,7 @@ pub(crate) struct RecalibrateArgs {
     sensor: Option<String>,
     /// Only these sessions, 20 to 300 [default: the newest 300 whose truth is known].
     #[arg(long = "session", value_name = "SESSION")]
-    sessions: Vec<Uuid>,
+    sessions: Vec<SessionName>,
     /// Do not make the new version current, even if it is better.
     #[arg(long)]
     keep_current: bool,
@@ -48,9 +48,10 @@ struct Recalibrated {
 
 /// Runs the command.
 pub(super) async fn run(args: RecalibrateArgs, context: &Context) -> anyhow::Result<()> {
+    let sessions = ids(&args.sessions, &context.client).await?;
     let request = RecalibrateCatalogue {
         version: args.version,
-        sessions: (!args.sessions.is_empty()).then_some(args.sessions),
+        sessions: (!sessions.is_empty()).then_some(sessions),
         sensor: args.sensor,
         activate: args.keep_current.then_some(false),
     };

@@ -27,6 +27,7 @@ impl Screen {
     /// Creates a screen for the given robots and trials.
     pub(super) fn new(n_robots: usize, n_trials: usize, output: Output) -> Self {
         if !is_watched() {
+            output.say(header());
             return Self { output, live: None };
         }
         let style = |template: &str| {
@@ -88,7 +89,7 @@ impl Screen {
 
 fn header() -> String {
     format!(
-        "{:<9} {:<13} {:>7}  {:<13} {:<10} {:>6} {:>9} {:>9} {:>8}",
+        "{:<9} {:<13} {:>7}  {:<13} {:<10} {:>6} {:>9} {:>9} {:>8} named",
         "robot", "object", "touches", "believed", "", "", "entropy", "position", "angle"
     )
 }

@@ -8,16 +8,16 @@ use clap::{Args, ValueEnum};
 use palpate_client::Client;
 use palpate_client::schemas::{Replay, Session, SessionChange, SessionReading};
 use serde::Serialize;
-use uuid::Uuid;
 
 use super::history;
+use crate::ids::SessionName;
 use crate::verdict::Verdict;
 
 /// Arguments of `palpate sessions export`.
 #[derive(Debug, Args)]
 pub(super) struct ExportArgs {
-    /// Id of the session.
-    session: Uuid,
+    /// Id of the session, or its last digits.
+    session: SessionName,
     /// JSON has everything; CSV has a line for each revision, without images.
     #[arg(long, value_enum, default_value = "json")]
     format: Format,
@@ -64,12 +64,12 @@ const COLUMNS: [&str; 18] = [
 
 /// Writes a session.
 pub(super) async fn export(client: &Client, args: ExportArgs) -> anyhow::Result<()> {
-    let session = client.session(args.session).await?;
-    let readings = history::readings(client, args.session).await?.items;
+    let session = client.session(args.session.id(client).await?).await?;
+    let readings = history::readings(client, session.id).await?.items;
     // Readings that came meanwhile are left out of both.
     let readings: Vec<_> =
         readings.into_iter().filter(|reading| reading.number < session.revision).collect();
-    let replay = history::replay(client, args.session, Some(session.revision), 0).await?;
+    let replay = history::replay(client, session.id, Some(session.revision), 0).await?;
     let exported = Exported { session, readings, replay };
     let text = match args.format {
         Format::Json => serde_json::to_string(&exported)?,

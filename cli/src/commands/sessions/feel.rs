@@ -5,13 +5,14 @@ use palpate_client::Client;
 use palpate_client::schemas::{
     AddReadings, BeliefDetail, Contact, Reading, ReadingsAdded, ReadingsQuery,
 };
-use uuid::Uuid;
+
+use crate::ids::SessionName;
 
 /// Arguments of `palpate sessions feel`.
 #[derive(Debug, Args)]
 pub(super) struct FeelArgs {
-    /// Id of the session.
-    session: Uuid,
+    /// Id of the session, or its last digits.
+    session: SessionName,
     /// Id or name of the sensor that felt it.
     #[arg(long)]
     sensor: String,
@@ -40,7 +41,8 @@ pub(super) struct FeelArgs {
 
 /// Sends the contact.
 pub(super) async fn feel(client: &Client, args: FeelArgs) -> anyhow::Result<ReadingsAdded> {
-    let (session, reading) = (args.session, reading(args));
+    let session = args.session.id(client).await?;
+    let reading = reading(args);
     let query = ReadingsQuery { belief: Some(BeliefDetail::Full) };
     Ok(client.add_readings(session, &AddReadings { readings: vec![reading] }, query).await?)
 }

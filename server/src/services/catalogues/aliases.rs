@@ -12,6 +12,8 @@ use crate::wire::{self as convert, Invalid, labels};
 
 /// Maximum number of aliases of a catalogue. Chosen: far more than stages of a release.
 const ALIASES_MAX: usize = 16;
+/// Maximum number of catalogues that an error names. Chosen: what fits a line.
+const NAMED_MAX: usize = 8;
 /// The name of the current version, which is set by itself.
 const CURRENT: &str = "current";
 
@@ -83,7 +85,8 @@ impl Catalogues {
         version: Option<u32>,
         alias: Option<&str>,
     ) -> Result<Pinned, CatalogueError> {
-        let catalogue = self.table.find_by_name(name)?.ok_or_else(|| unknown_catalogue(name))?;
+        let catalogue = self.table.find_by_name(name)?;
+        let Some(catalogue) = catalogue else { return Err(self.unknown(name)?) };
         let manifest = match (version, alias) {
             (Some(_), Some(_)) => {
                 let detail = "came with `version`, expected one of the two";
@@ -107,11 +110,19 @@ impl Catalogues {
         let has_surfaces = manifest.has(ModelPart::Surface);
         Ok(Pinned { catalogue: catalogue.id, version: manifest.version, has_surfaces })
     }
-}
 
-fn unknown_catalogue(name: &str) -> CatalogueError {
-    if name == DEFAULT {
-        return CatalogueError::Untrained { catalogue: name.to_owned() };
+    /// The error for a catalogue that does not exist. It names some of those that do.
+    fn unknown(&self, name: &str) -> Result<CatalogueError, CatalogueError> {
+        if name == DEFAULT {
+            return Ok(CatalogueError::Untrained { catalogue: name.to_owned() });
+        }
+        let page = self.table.list(None, NAMED_MAX)?;
+        let names: Vec<&str> = page.items.iter().map(|catalogue| &*catalogue.name).collect();
+        let known = match names[..] {
+            [] => "none is trained".to_owned(),
+            _ if page.next.is_some() => format!("there are {} and others", names.join(", ")),
+            _ => format!("expected one of {}", names.join(", ")),
+        };
+        Ok(Cause::field("/catalogue", format!("there is no catalogue {name:?}: {known}")).into())
     }
-    Cause::field("/catalogue", format!("there is no catalogue {name:?}")).into()
 }
