@@ -312,7 +312,7 @@ mod tests {
             ("[server]\n", "[server] is no table of settings"),
             (
                 "[serve]\nlisten_at = 1",
-                "serve.listen_at is no setting: expected one of data, store,",
+                "serve.listen_at is no setting: did you mean listen? There are data, store,",
             ),
             ("[serve]\nlisten = \"here\"", "invalid value 'here' for '--listen <ADDR>'"),
             ("[serve]\nrequests = 0", "invalid value '0' for '--requests <N>'"),
