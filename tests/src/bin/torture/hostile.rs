@@ -8,8 +8,10 @@
 
 mod aside;
 mod attacks;
+mod figures;
 mod foe;
 mod honest;
+mod second;
 mod verdicts;
 
 use std::path::Path;
@@ -18,7 +20,6 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use palpate_core::rng::{Purpose, Stream};
-use palpate_tests::{memory_kib, processor_seconds};
 use reqwest::{Client, Method};
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -31,6 +32,7 @@ use crate::serving::Serving;
 use crate::{Access, Args};
 use aside::Aside;
 use attacks::{Attack, Prey, attack};
+use figures::{cores_used, given_back, looking, metrics_bytes, peak_mb};
 use foe::{Foe, Stolen};
 use honest::{Honest, Log, Seen};
 
@@ -40,10 +42,11 @@ const HONEST: usize = 16;
 const FOES: u8 = 4;
 /// Duration of the quiet baseline, as a multiple of an attack's.
 const BASELINE: u32 = 2;
-/// Time after which all resources held by attackers must be free.
-const GIVEN_BACK: Duration = Duration::from_secs(60);
 /// Number of lines, of 30 bytes each, of the large mesh.
 const MESH_LINES: usize = 1_000_000;
+/// Largest growth of the metrics' text in one attack, in bytes: series of routes and refusals that
+/// were not there before.
+const METRICS_GROWTH: usize = 64 << 10;
 /// Number of readings of the long session.
 const LONG_SESSION: usize = 190;
 /// Number of training readings of the large object.
@@ -64,6 +67,8 @@ pub(crate) struct Report {
     honest_p99_ms_during: f64,
     honest_requests: usize,
     idle_cores_after: f64,
+    /// Longest time for which a viewer's list was waited for, on connections of its own.
+    viewer_longest_ms: f64,
     attacks: Vec<Told>,
     aside: Vec<Aside>,
     seconds_per_attack: u32,
@@ -75,11 +80,12 @@ pub(crate) struct Report {
 #[derive(Debug, Serialize)]
 struct Told {
     attack: &'static str,
-    finding: u8,
+    finding: &'static str,
     attempts: u64,
     honest_p99_ratio: f64,
     honest_refused: u64,
     worked: u64,
+    viewer_longest_ms: f64,
 }
 
 impl Report {
@@ -169,6 +175,7 @@ pub(crate) async fn run(
         honest_p99_ms_during: 1e3 * during.p99(),
         honest_requests: before.requests() + during.requests(),
         idle_cores_after,
+        viewer_longest_ms: told.iter().map(|told| told.viewer_longest_ms).fold(0.0, f64::max),
         attacks: told,
         aside,
         seconds_per_attack: args.seconds,
@@ -204,8 +211,19 @@ async fn attack_in_turn(
             foe.until = Instant::now() + Duration::from_secs(u64::from(seconds));
             foe.attempts = 0.into();
         }
+        let metrics_before = metrics_bytes(admin, url).await;
         let attacking = foes.iter().map(|foe| attack(what, foe, prey));
-        let worked: Vec<String> = futures::future::join_all(attacking).await.concat();
+        let attacking = futures::future::join_all(attacking);
+        let looked = looking(&prey.set.trainer_key, url, seconds);
+        let (worked, viewer_longest_ms) = futures::join!(attacking, looked);
+        let mut worked: Vec<String> = worked.concat();
+        let grown = metrics_bytes(admin, url).await.saturating_sub(metrics_before);
+        if grown > METRICS_GROWTH {
+            worked.push(format!("the metrics grew by {grown} bytes"));
+        }
+        if what == Attack::WashedOutbox {
+            worked.extend(second::outbox(&prey.set.heard).await);
+        }
         let attempts = foes.iter_mut().map(|foe| *foe.attempts.get_mut()).sum();
         say(format!("{name}: {attempts} attempts, {} worked", worked.len()));
         worked.iter().take(SAID).for_each(|fault| say(shortened(fault)));
@@ -216,6 +234,7 @@ async fn attack_in_turn(
             honest_p99_ratio: 0.0,
             honest_refused: 0,
             worked: worked.len() as u64,
+            viewer_longest_ms,
         });
         faults.extend(worked);
         if what == Attack::Downloads {
@@ -247,7 +266,7 @@ async fn set_the_scene(
         })
         .collect();
     kill::set_up(command, data, &mut robots, &http, Access::Keys).await?;
-    let more = ["--session-ttl-s", "30"];
+    let more = ["--session-ttl-s", "30", "--webhook-allow-private"];
     let serving = match Serving::start_within(command, data, Access::Keys, MEMORY_KIB, &more)? {
         Ok(serving) => serving,
         Err(refused) => bail!("the server does not start: {}", refused.0),
@@ -266,6 +285,8 @@ async fn set_the_scene(
         };
         foes.push(Foe::new(number, &url, stolen)?);
     }
+    let trainer_key = key(&admin, &url, "learner", "trainer").await?;
+    let set = second::set(&admin, trainer_key, &url, &material.indentations).await?;
     let long_session = teach(&teacher, &toucher, &url, material).await?;
     let refused = client_with(&foes[0].viewer_key)?;
     send(&refused, Method::DELETE, format!("{url}/v1/objects/{}", verdicts::EVIDENCE), None).await;
@@ -274,7 +295,9 @@ async fn set_the_scene(
         .map(|robot| Honest { name: robot.name, client: robot.client, now: Arc::default() })
         .collect();
     let known = honest.iter().map(|robot| (robot.name.clone(), Arc::clone(&robot.now))).collect();
-    let prey = Prey { robots: known, long_session, touch: material.touches[0][0].clone() };
+    let touches = material.touches.concat();
+    let touch = material.touches[0][0].clone();
+    let prey = Prey { robots: known, long_session, touch, touches, set };
     Ok(Scene { serving, admin, honest, foes, prey })
 }
 
@@ -327,59 +350,4 @@ async fn key(admin: &Client, url: &str, name: &str, role: &str) -> anyhow::Resul
     let made = send(admin, Method::POST, format!("{url}/v1/keys"), Some(&body)).await.done();
     let secret = made.as_ref().and_then(|made| made["secret"].as_str());
     secret.map(str::to_owned).with_context(|| format!("cannot make the key {name}"))
-}
-
-/// Number of resources still held after the attacks, polled until it is 0 or the time is over.
-async fn given_back(admin: &Client, url: &str) -> anyhow::Result<u64> {
-    let begun = Instant::now();
-    loop {
-        let metrics = admin.get(format!("{url}/metrics")).send().await?.text().await?;
-        let held = held(&metrics);
-        if held > 0 && begun.elapsed() >= GIVEN_BACK {
-            let is_held = |line: &&str| {
-                ["palpate_occupied{", "palpate_sessions_open "]
-                    .iter()
-                    .any(|name| line.starts_with(name))
-            };
-            for line in metrics.lines().filter(is_held) {
-                eprintln!("still held: {line}");
-            }
-        }
-        if held == 0 || begun.elapsed() >= GIVEN_BACK {
-            return Ok(held);
-        }
-        tokio::time::sleep(Duration::from_secs(1)).await;
-    }
-}
-
-/// Resources in use according to the metrics, without our own connection and session.
-fn held(metrics: &str) -> u64 {
-    let figure = |line: &str| line.rsplit_once(' ').and_then(|(_, n)| n.parse::<f64>().ok());
-    let of = |name: &str| -> u64 {
-        let found = metrics.lines().filter(|line| line.starts_with(name)).filter_map(figure);
-        found.sum::<f64>() as u64
-    };
-    // Connections of honest clients idle in their pools; all come from one address.
-    let connections = of("palpate_occupied{resource=\"connections\"}");
-    let others = ["requests", "streams", "bodies", "answers", "snapshots"]
-        .map(|resource| of(&format!("palpate_occupied{{resource=\"{resource}\"}}")));
-    let sessions = of("palpate_sessions_open ").saturating_sub(1);
-    others.iter().sum::<u64>() + sessions + connections.saturating_sub(OWN_CONNECTIONS)
-}
-
-/// Connections kept open by honest clients: one for each robot, and a few for set-up and
-/// measurement.
-const OWN_CONNECTIONS: u64 = HONEST as u64 + 8;
-
-/// Number of cores that a process keeps busy.
-async fn cores_used(process: u32) -> anyhow::Result<f64> {
-    let watched = Duration::from_secs(2);
-    let before = processor_seconds(process)?;
-    tokio::time::sleep(watched).await;
-    Ok((processor_seconds(process)? - before) / watched.as_secs_f64())
-}
-
-/// Peak memory of a process, MB.
-fn peak_mb(process: u32) -> anyhow::Result<f64> {
-    Ok(memory_kib(process, "VmHWM")? as f64 * 1024.0 / 1e6)
 }

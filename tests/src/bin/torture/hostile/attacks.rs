@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 
 use super::foe::Foe;
 use super::honest::Now;
+use super::second;
 
 /// Connections opened by an attacker in one attack.
 const CONNECTIONS: usize = 400;
@@ -19,7 +20,7 @@ pub(super) const DOWNLOADS: usize = 4;
 /// Control characters that must not reach a terminal unescaped.
 const ESCAPE: &str = "\u{1b}[2J\u{1b}]0;owned\u{7}";
 
-/// An attack, with the number of the review's finding.
+/// An attack, with the number of its finding: in the second review, those that begin with 2.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Attack {
     /// 1: endless computations whose callers hang up.
@@ -46,10 +47,30 @@ pub(super) enum Attack {
     SessionsAndStreams,
     /// 17: a key in place of a path.
     KeyInPath,
+    /// 2.1: methods that nobody knows, as labels of metrics.
+    InventedMethods,
+    /// 2.2: lists whose items weigh more in memory than on the wire.
+    Nothings,
+    /// 2.4: many robots with loose bases.
+    LooseBases,
+    /// 2.5: long batches that no object explains.
+    Contradictions,
+    /// 2.6: silent connections from many addresses.
+    ManyAddresses,
+    /// 2.8: another robot's name, and times to come, by forwarding.
+    Forwarded,
+    /// 2.10: decisions that push events out of a webhook's outbox.
+    WashedOutbox,
+    /// 2.11: packages of sensors with many calibrations.
+    Packages,
+    /// 2.12: trainings that need more memory than there is.
+    LargeTraining,
+    /// 2.13: streams that follow many sessions.
+    WideStreams,
 }
 
 impl Attack {
-    pub(super) const ALL: [Self; 12] = [
+    pub(super) const ALL: [Self; 22] = [
         Self::Computation,
         Self::UnreadAnswers,
         Self::HalfOpen,
@@ -62,23 +83,43 @@ impl Attack {
         Self::Downloads,
         Self::SessionsAndStreams,
         Self::KeyInPath,
+        Self::InventedMethods,
+        Self::Nothings,
+        Self::LooseBases,
+        Self::Contradictions,
+        Self::ManyAddresses,
+        Self::Forwarded,
+        Self::WashedOutbox,
+        Self::Packages,
+        Self::LargeTraining,
+        Self::WideStreams,
     ];
 
     /// The name in the report, and the number of the finding.
-    pub(super) fn name(self) -> (&'static str, u8) {
+    pub(super) fn name(self) -> (&'static str, &'static str) {
         match self {
-            Self::Computation => ("endless_computation", 1),
-            Self::UnreadAnswers => ("unread_answers", 2),
-            Self::HalfOpen => ("half_open_connections", 3),
-            Self::WashedAudit => ("washed_audit_log", 6),
-            Self::PromisedBodies => ("promised_bodies", 7),
-            Self::LongAnswers => ("long_answers", 8),
-            Self::Posing => ("posing_as_a_robot", 9),
-            Self::Strangers => ("strangers_without_a_key", 10),
-            Self::Escapes => ("terminal_escapes", 11),
-            Self::Downloads => ("stalled_downloads", 13),
-            Self::SessionsAndStreams => ("every_session_and_stream", 14),
-            Self::KeyInPath => ("key_in_a_path", 17),
+            Self::Computation => ("endless_computation", "1"),
+            Self::UnreadAnswers => ("unread_answers", "2"),
+            Self::HalfOpen => ("half_open_connections", "3"),
+            Self::WashedAudit => ("washed_audit_log", "6"),
+            Self::PromisedBodies => ("promised_bodies", "7"),
+            Self::LongAnswers => ("long_answers", "8"),
+            Self::Posing => ("posing_as_a_robot", "9"),
+            Self::Strangers => ("strangers_without_a_key", "10"),
+            Self::Escapes => ("terminal_escapes", "11"),
+            Self::Downloads => ("stalled_downloads", "13"),
+            Self::SessionsAndStreams => ("every_session_and_stream", "14"),
+            Self::KeyInPath => ("key_in_a_path", "17"),
+            Self::InventedMethods => ("invented_methods", "2.1"),
+            Self::Nothings => ("lists_of_nothings", "2.2"),
+            Self::LooseBases => ("loose_bases", "2.4"),
+            Self::Contradictions => ("contradictions", "2.5"),
+            Self::ManyAddresses => ("many_addresses", "2.6"),
+            Self::Forwarded => ("forwarded_names_and_times", "2.8"),
+            Self::WashedOutbox => ("washed_outbox", "2.10"),
+            Self::Packages => ("sensor_packages", "2.11"),
+            Self::LargeTraining => ("large_trainings", "2.12"),
+            Self::WideStreams => ("wide_streams", "2.13"),
         }
     }
 }
@@ -91,6 +132,10 @@ pub(super) struct Prey {
     pub(super) long_session: String,
     /// A touch that sessions accept.
     pub(super) touch: Value,
+    /// Touches of all objects, which no single object explains.
+    pub(super) touches: Vec<Value>,
+    /// What the attacks of the second review need.
+    pub(super) set: second::Set,
 }
 
 /// Attacks until the time is over. Returns requests that should have been refused and were not.
@@ -133,6 +178,16 @@ pub(super) async fn attack(what: Attack, foe: &Foe, prey: &Prey) -> Vec<String> 
             let path = format!("/v1/sessions/{}/belief", foe.viewer_key);
             again(foe, |foe| foe.ask(&foe.robot, Method::GET, &path, None)).await
         }
+        Attack::InventedMethods => second::invented_methods(foe).await,
+        Attack::Nothings => second::nothings(foe, prey).await,
+        Attack::LooseBases => second::loose_bases(foe, prey).await,
+        Attack::Contradictions => second::contradictions(foe, prey).await,
+        Attack::ManyAddresses => second::many_addresses(foe).await,
+        Attack::Forwarded => second::forwarded(foe, prey).await,
+        Attack::WashedOutbox => second::washed_outbox(foe, prey).await,
+        Attack::Packages => second::packages(foe).await,
+        Attack::LargeTraining => second::large_training(foe, prey).await,
+        Attack::WideStreams => second::wide_streams(foe, prey).await,
     }
 }
 
@@ -164,7 +219,7 @@ async fn many(foe: &Foe, n: usize, said: &str) -> Vec<String> {
 }
 
 /// Waits until the attack ends.
-async fn rest(foe: &Foe) -> Vec<String> {
+pub(super) async fn rest(foe: &Foe) -> Vec<String> {
     tokio::time::sleep_until(foe.until.into()).await;
     Vec::new()
 }

@@ -82,7 +82,7 @@ impl Foe {
         Instant::now() < self.until
     }
 
-    fn count(&self) {
+    pub(super) fn count(&self) {
         self.attempts.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
     }
 
@@ -109,14 +109,21 @@ impl Foe {
     /// Opens a connection and sends bytes without reading the answer.
     pub(super) async fn open(&self, said: &str) -> bool {
         self.count();
-        let Ok(socket) = TcpSocket::new_v4() else { return false };
-        if socket.bind(SocketAddr::new(address(self.number), 0)).is_err() {
-            return false;
-        }
-        let connecting = tokio::time::timeout(PATIENCE, socket.connect(self.server)).await;
-        let Ok(Ok(mut stream)) = connecting else { return false };
+        let Some(mut stream) = self.connect(self.address()).await else { return false };
         let is_sent = stream.write_all(said.as_bytes()).await.is_ok();
         self.held.lock().unwrap_or_else(PoisonError::into_inner).push(stream);
         is_sent
+    }
+
+    /// The attacker's own address.
+    pub(super) fn address(&self) -> IpAddr {
+        address(self.number)
+    }
+
+    /// Opens a connection from an address; `None` if the server does not accept it.
+    pub(super) async fn connect(&self, from: IpAddr) -> Option<TcpStream> {
+        let socket = TcpSocket::new_v4().ok()?;
+        socket.bind(SocketAddr::new(from, 0)).ok()?;
+        tokio::time::timeout(PATIENCE, socket.connect(self.server)).await.ok()?.ok()
     }
 }
