@@ -50,6 +50,9 @@ pub enum WarningCode {
     SizesDiffer,
     /// Too few readings touched the object to determine its surface.
     FewTouches,
+    /// A retraining or extension pressed meshes with the trust in the sensor of the version before,
+    /// where the sensor states another.
+    KnowledgeKept,
     /// The training skipped objects.
     ObjectsSkipped,
     /// The session's method needs images and ignores contacts without one.

@@ -20,7 +20,7 @@ use palpate_core::units::Shown;
 use palpate_schemas::{Warning, WarningCode};
 
 pub(crate) use image_order::of_images;
-pub(crate) use object::{Touched, of_catalogue, of_object};
+pub(crate) use object::{Touched, of_catalogue, of_kept_knowledge, of_object};
 pub(crate) use shift::of_session;
 use units::{is_structured, meant};
 

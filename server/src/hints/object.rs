@@ -4,7 +4,7 @@ use palpate_core::contact::touches;
 use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::units::Shown;
-use palpate_schemas::{ObjectReport, SkippedObject, Warning, WarningCode};
+use palpate_schemas::{ObjectReport, SensorKnowledge, SkippedObject, Warning, WarningCode};
 
 use super::{SIZE_LARGE, SIZE_SMALL, meant};
 
@@ -112,4 +112,19 @@ pub(crate) fn of_catalogue(
         warnings.push(Warning { code: WarningCode::ObjectsSkipped, pointer, detail });
     }
     warnings
+}
+
+/// A training that trusts its sensor as an earlier version did, and not as the sensor states.
+pub(crate) fn of_kept_knowledge(
+    level: SensorKnowledge,
+    version: u32,
+    (sensor, stated): (&str, SensorKnowledge),
+) -> Warning {
+    let (level, stated) = (level.name(), stated.name());
+    let detail = format!(
+        "meshes were pressed as `{level}`, which is kept from version {version}, but the sensor \
+         {sensor:?} is `{stated}`: train anew with `sensor_knowledge` `{stated}` unless `{level}` is \
+         right"
+    );
+    Warning { code: WarningCode::KnowledgeKept, pointer: "/sensor_knowledge".to_owned(), detail }
 }
