@@ -13,6 +13,7 @@ mod keeping;
 mod material;
 mod skipping;
 mod surface;
+mod twins;
 mod unseen;
 
 use std::ops::ControlFlow;
@@ -35,7 +36,7 @@ use palpate_store::entity::Sensor;
 use palpate_store::model::TrainedModel;
 use rayon::prelude::*;
 
-use crate::hints::{of_catalogue, of_kept_knowledge, of_object};
+use crate::hints::{of_catalogue, of_kept_knowledge, of_object, of_twins};
 use crate::services::sensors::Sensors;
 use crate::wire::symmetry::axes;
 use crate::wire::{count, coupling, geometry as wire_geometry};
@@ -119,6 +120,7 @@ pub(crate) fn train(
                     objects.iter().zip(materials.iter().map(|one| one.touched.size)).collect();
                 let skipped = skipped.reported();
                 let mut warnings = of_catalogue(&sizes, &skipped);
+                warnings.extend(of_twins(&twins::twins(plan, &materials, sources)?));
                 if let Some(version) = plan.kept_from
                     && objects.iter().any(|object| object.sensor_knowledge.is_some())
                 {

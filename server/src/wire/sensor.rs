@@ -61,7 +61,8 @@ pub(crate) fn new_sensor(
                       commissioned by touches of a known object";
         return Err(Invalid::field("/sensor_knowledge", detail));
     }
-    let knowledge = request.sensor_knowledge.map_or_else(Default::default, coupling::knowledge_of);
+    let knowledge =
+        request.sensor_knowledge.map_or(SensorKnowledge::DataSheet, coupling::knowledge_of);
     let is_stated = request.description.is_some() && !ranges.is_empty();
     if knowledge == SensorKnowledge::Measured && is_stated {
         let detail = "came with `sensor_knowledge` `measured`, which leaves nothing open";
