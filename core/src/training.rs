@@ -22,6 +22,18 @@ pub enum TrainingError {
     /// No reading touched an object.
     #[error("no training reading touched anything, expected at least one")]
     NothingTouched,
+    /// No two touches are of one place, so that nothing tells how alike such touches are.
+    #[error(
+        "hardly any two readings touched one place of an object: touch more densely, or some places \
+         again"
+    )]
+    NoPlaces,
+    /// All touches look alike, so that there is nothing to learn an appearance from.
+    #[error(
+        "all readings that touched an object look alike: touch different places, and check that the \
+         driver sends new images"
+    )]
+    Alike,
     /// The images of one catalogue have different shapes.
     #[error(
         "image of {found_rows}×{found_cols} taxels, expected {rows}×{cols} as the catalogue's other sensors"

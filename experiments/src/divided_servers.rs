@@ -20,7 +20,7 @@ use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
 use palpate_schemas::{
     AddReadings, Belief, BeliefDetail, BeliefQuery, CreateObject, CreateSession, JobState,
-    MeshFormat, MeshUnit, ReadingsQuery, Session, StartTraining,
+    MeshFormat, MeshUnit, ReadingsQuery, SensorKnowledge, Session, StartTraining,
 };
 use palpate_sim::plot::{Line, Panel, svg};
 use palpate_sim::shapes::{self, assembled};
@@ -177,6 +177,8 @@ async fn train(
         client.put_mesh(&object.name, MeshFormat::Stl, MeshUnit::M, file).await?;
     }
     let training = StartTraining {
+        // Touches are by the description itself.
+        sensor_knowledge: Some(SensorKnowledge::Measured),
         readings_per_object: Some(config.train_readings),
         seed: Some(config.seed),
         sva: Some(false),

@@ -2,7 +2,9 @@
 
 use anyhow::{Context as _, bail};
 use palpate_client::Client;
-use palpate_schemas::{CreateObject, JobState, MeshFormat, MeshUnit, ProblemType, StartTraining};
+use palpate_schemas::{
+    CreateObject, JobState, MeshFormat, MeshUnit, ProblemType, SensorKnowledge, StartTraining,
+};
 use palpate_sim::shapes;
 
 use super::touches::SENSOR;
@@ -38,6 +40,8 @@ pub async fn prepare(
     let training = StartTraining {
         objects: Some(names),
         sensor: Some(SENSOR.name().to_owned()),
+        // The robots press with the description itself.
+        sensor_knowledge: Some(SensorKnowledge::Measured),
         readings_per_object: Some(readings_per_object),
         seed: Some(seed),
         ..StartTraining::default()

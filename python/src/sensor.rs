@@ -60,14 +60,15 @@ impl Sensor {
 
 #[pymethods]
 impl Sensor {
-    /// The preset of a name.
+    /// The preset of a name; `knowledge="measured"` for a simulated array that it describes.
     #[staticmethod]
-    fn preset(name: &str) -> PyResult<Self> {
-        let Preset { description, knowledge, ranges } = Preset::named(name).ok_or_else(|| {
+    #[pyo3(signature = (name, *, knowledge="data_sheet"))]
+    fn preset(name: &str, knowledge: &str) -> PyResult<Self> {
+        let Preset { description, ranges } = Preset::named(name).ok_or_else(|| {
             let known = Preset::NAMES.join(", ");
             fault::of("name", format!("came {name:?}, expected one of {known}"))
         })?;
-        Ok(Self::known(description, knowledge, ranges))
+        Ok(Self::known(description, level(knowledge)?, ranges))
     }
 
     /// The names of the presets.
@@ -118,16 +119,7 @@ impl Sensor {
             coupling: Coupling::default(),
         };
         let description = SensorDescription::new(parameters).map_err(|error| refuse(&error))?;
-        let knowledge = match knowledge {
-            "measured" => SensorKnowledge::Measured,
-            "data_sheet" => SensorKnowledge::DataSheet,
-            "unknown" => SensorKnowledge::Unknown,
-            found => {
-                let detail = format!("came {found:?}, expected measured, data_sheet or unknown");
-                return Err(fault::of("knowledge", detail));
-            }
-        };
-        Ok(Self::known(description, knowledge, StatedRanges::default()))
+        Ok(Self::known(description, level(knowledge)?, StatedRanges::default()))
     }
 
     /// Number of rows of the image.
@@ -186,6 +178,19 @@ impl Sensor {
 
     fn __repr__(&self) -> String {
         format!("Sensor({}, pitch {:.2} mm)", self.known.description.n_taxels(), 1e3 * self.pitch())
+    }
+}
+
+/// The level of knowledge of a name.
+fn level(name: &str) -> PyResult<SensorKnowledge> {
+    match name {
+        "measured" => Ok(SensorKnowledge::Measured),
+        "data_sheet" => Ok(SensorKnowledge::DataSheet),
+        "unknown" => Ok(SensorKnowledge::Unknown),
+        found => {
+            let detail = format!("came {found:?}, expected measured, data_sheet or unknown");
+            Err(fault::of("knowledge", detail))
+        }
     }
 }
 

@@ -110,6 +110,7 @@ def test_errors_name_the_argument(sensor: Sensor) -> None:
     refused(r"images\[0\]: .*missing", native([pose], [[np.nan] * 36]))
     refused(r"poses\[0\]\[1\]: .* m", native([[0, 1e6, 0, 0, 0, 0, 1]], [image]))
     refused("^name: ", lambda: Sensor.preset("6x6"))
+    refused("^knowledge: ", lambda: Sensor.preset("digitacts-6x6", knowledge="exact"))
     refused("^faces: ", lambda: local.make_mesh(np.zeros((3, 3)), [[0, 1, 2.5]]))
     refused(r"^faces\[0\]: ", lambda: local.make_mesh(np.eye(3), [[0, 1, 3]]))
     refused("^unit: ", lambda: local.load_mesh("mug.stl", unit="mile"))

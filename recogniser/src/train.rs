@@ -105,8 +105,8 @@ pub fn learn_space(sets: &[TrainingSet<'_>], seed: u64) -> Result<AppearanceSpac
     let pairs = pairs_of_places(&touched, &features);
     let mut stream = Stream::new(seed, Purpose::Clustering, 1);
     let pairs = palpate_core::training::subsample(&pairs, PLACES_MAX, &mut stream);
-    let mut projection = find_discriminants(&pairs, N_AXES, SHRINKAGE)
-        .ok_or(TrainingError::Map(MapError::TooFew { found: pairs.len(), expected: 2 }))?;
+    let unlearnt = if pairs.len() < 2 { TrainingError::NoPlaces } else { TrainingError::Alike };
+    let mut projection = find_discriminants(&pairs, N_AXES, SHRINKAGE).ok_or(unlearnt)?;
     // Each of two touches differs from their mean by half of their difference; after halving,
     // the difference has unit covariance.
     projection.axes.iter_mut().flatten().for_each(|value| *value *= 0.5);
@@ -350,8 +350,9 @@ mod tests {
         let nothing = [press([0.0; 3], DVec3::Z, 0.0)];
         assert_eq!(learn_space(&[set(&nothing)], 1), Err(TrainingError::NothingTouched));
         let apart = [press([0.0; 3], DVec3::Z, 5e3), press([9.0; 3], DVec3::Z, 5e3)];
-        let few = MapError::TooFew { found: 0, expected: 2 };
-        assert_eq!(learn_space(&[set(&apart[..1])], 1), Err(TrainingError::Map(few)));
+        assert_eq!(learn_space(&[set(&apart[..1])], 1), Err(TrainingError::NoPlaces));
+        let alike = vec![apart[0].clone(); 180];
+        assert_eq!(learn_space(&[set(&alike)], 1), Err(TrainingError::Alike));
         let few = MapError::TooFew { found: 2, expected: 10 };
         let config = SurfaceConfig::default();
         let error = map_surface(&set(&apart), &space(), &config, None).unwrap_err();

@@ -225,6 +225,9 @@ pub struct StoredReading {
     /// The client's own feature of the press; null if not sent.
     #[serde(default)]
     pub feature: Option<Vec<f64>>,
+    /// The free path to the pose in metres, as sent; 0 if not sent. No training uses it.
+    #[serde(default)]
+    pub approach_m: f64,
 }
 
 /// A page of training readings.

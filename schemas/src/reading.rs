@@ -23,7 +23,8 @@ pub struct Reading {
     /// Id or unique name of the sensor.
     #[schema(example = "digitacts-6x6")]
     pub sensor: String,
-    /// Frame of the pose; if given, it must be the session's.
+    /// Frame of the pose; if given, it must be the session's. Empty is none, and a leading slash is
+    /// left out, as ROS writes them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(max_length = 256, example = "base_link")]
     pub frame_id: Option<String>,

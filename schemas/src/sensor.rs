@@ -70,8 +70,8 @@ pub struct CreateSensor {
     /// Coupling of the covering and the taxels; overrides that of the preset or description.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coupling: Option<Coupling>,
-    /// Trust in the description. Default: `data_sheet`, but `measured` for the presets
-    /// `digitacts-…`, `fingertip-…` and `tekscan-26x26`, which describe simulated sensors.
+    /// Trust in the description. Default: `data_sheet`. State `measured` only for a sensor whose
+    /// numbers were measured, or for a simulation of exactly this description.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensor_knowledge: Option<SensorKnowledge>,
     /// Labels for searches: at most 16, as `PUT …/labels` describes them.

@@ -287,7 +287,9 @@ pub struct StartTraining {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensor: Option<String>,
     /// Trust in that sensor's description, which decides how meshes are pressed. Default:
-    /// `commissioned` if the sensor has a passport, else that of the sensor.
+    /// `commissioned` if the sensor has a passport, else that of the catalogue's current version if
+    /// this sensor pressed it (with the warning `knowledge_kept` if the sensor states another),
+    /// else that of the sensor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensor_knowledge: Option<SensorKnowledge>,
     /// Number of simulated readings per object that has only a mesh, 20 to 20000. Default: 1000.

@@ -38,6 +38,8 @@ pub enum WarningCode {
     /// The images of all touches of a session fit better in another order: `image_order` of the sensor
     /// is probably wrong.
     ImageOrder,
+    /// A robot's stamps step back while its numbers count up.
+    StampsBackwards,
     /// The sensor's health says that it is to be commissioned again.
     SensorChanged,
     /// Readings that touch one object are further apart than an object is large.
@@ -48,12 +50,21 @@ pub enum WarningCode {
     ObjectSmall,
     /// Objects of one catalogue differ in size as metres and millimetres do.
     SizesDiffer,
-    /// Too few readings touched the object to determine its surface.
+    /// Objects of one catalogue have the same shape, or were taught by the same readings.
+    DuplicateObjects,
+    /// Too few readings touched the object, or too few places of it, to determine its surface.
     FewTouches,
+    /// A retraining or extension pressed meshes with the trust in the sensor of the version before,
+    /// where the sensor states another.
+    KnowledgeKept,
     /// The training skipped objects.
     ObjectsSkipped,
     /// The session's method needs images and ignores contacts without one.
     ContactIgnored,
+    /// The session's method takes the object to be at rest and ignores announced motions.
+    MotionIgnored,
+    /// The session's method ignores the free paths of readings.
+    ApproachIgnored,
     /// Shear is stored with the reading, and no method uses it.
     ShearIgnored,
 }

@@ -21,7 +21,10 @@ pub(crate) enum Cause {
     Invalid(#[from] Invalid),
     #[error("{what} is needed: {by}")]
     Needed { what: String, by: String },
-    #[error("reading {seq} of robot {robot:?} is already stored with different content")]
+    #[error(
+        "reading {seq} of robot {robot:?} is already stored with different content: a driver that \
+         started again goes on with its numbers, or begins a session"
+    )]
     ReadingConflict { pointer: String, robot: String, seq: u64 },
     #[error(
         "the {what} has {found} readings, and at most {max} are allowed: {more} more do not fit"

@@ -5,6 +5,7 @@
 //! code for programs and a sentence with the probable intention. Not here: refusals
 //! (`wire::reading`).
 
+mod clock;
 mod image_order;
 mod object;
 mod shift;
@@ -19,8 +20,9 @@ use palpate_core::sensor::SensorDescription;
 use palpate_core::units::Shown;
 use palpate_schemas::{Warning, WarningCode};
 
+pub(crate) use clock::{SetBack, of_clock};
 pub(crate) use image_order::of_images;
-pub(crate) use object::{Touched, of_catalogue, of_object};
+pub(crate) use object::{Touched, of_catalogue, of_kept_knowledge, of_object, of_twins};
 pub(crate) use shift::of_session;
 use units::{is_structured, meant};
 

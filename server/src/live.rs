@@ -8,6 +8,7 @@
 pub(crate) mod belief;
 mod changes;
 pub(crate) mod checkpoints;
+mod clocks;
 mod folding;
 mod followed;
 mod forwarded;
@@ -26,7 +27,6 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
-use palpate_core::belief::answer::Answer;
 use palpate_core::stop::Stop;
 use palpate_schemas as wire;
 use palpate_schemas::{Method, SessionEvent};
@@ -40,6 +40,7 @@ use uuid::Uuid;
 use crate::asker::Asker;
 use crate::cause::Cause;
 use crate::compute::{ComputeError, Place, Pool, Size, Urgency};
+use crate::hints::of_clock;
 use crate::known_sensors::KnownSensors;
 use crate::limits::megabytes;
 use crate::model::Model;
@@ -51,7 +52,7 @@ use crate::wire::reading::Incoming;
 use crate::wire::session::options;
 use belief::{SessionBelief, check};
 use checkpoints::Checkpoints;
-use folding::Folding;
+use folding::{Answered, Fold, Folding};
 pub(crate) use history::ReplayQuestion;
 pub(crate) use past::PastReadings;
 use readings::{Readings, Ready};
@@ -242,7 +243,7 @@ impl Live {
         folding: Folding,
         (place, urgency): (Place, Urgency),
         length: u64,
-        question: impl FnOnce(&SessionBelief) -> T + Send + 'static,
+        question: impl FnOnce(&Fold) -> T + Send + 'static,
     ) -> Result<T, LiveError> {
         let mut memory = std::mem::take(&mut state.memory);
         let missing = (length as usize).saturating_sub(memory.chronicle.len());
@@ -259,8 +260,8 @@ impl Live {
         let work = move || {
             let _within = span.enter();
             let asked = Stop::heeding(|| {
-                let belief = folding.bring(&mut memory, length as usize)?;
-                Ok(question(belief))
+                let fold = folding.bring(&mut memory, length as usize)?;
+                Ok(question(fold))
             });
             (memory, asked.unwrap_or(Err(ComputeError::Stopped.into())))
         };
@@ -281,11 +282,13 @@ impl Live {
         answer
     }
 
-    fn shown(&self, revision: u64, answer: &Answer) -> wire::Belief {
+    fn shown(&self, revision: u64, Answered { answer, set_back }: &Answered) -> wire::Belief {
         if !answer.missing.is_empty() {
             metrics::counter!("palpate_beliefs_partial_total").increment(1);
         }
-        belief(&self.session, revision, answer, &self.model)
+        let mut shown = belief(&self.session, revision, answer, &self.model);
+        shown.warnings.extend(set_back.iter().map(|found| of_clock(found, String::new())));
+        shown
     }
 
     pub(crate) fn model(&self) -> &Model {
@@ -318,6 +321,6 @@ impl Live {
 }
 
 /// The question for an answer with at most `poses` poses.
-fn answer(poses: usize) -> impl FnOnce(&SessionBelief) -> Answer + Send + 'static {
-    move |belief| belief.answer(poses)
+fn answer(poses: usize) -> impl FnOnce(&Fold) -> Answered + Send + 'static {
+    move |fold| fold.answer(poses)
 }

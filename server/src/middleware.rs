@@ -5,6 +5,8 @@ pub(crate) mod telemetry;
 
 pub(crate) mod headers;
 
+pub(crate) mod query;
+
 pub(crate) mod caller;
 
 pub(crate) mod admission;

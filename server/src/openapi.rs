@@ -5,6 +5,8 @@
 //! and an overloaded or failing server. A test fails when the committed file differs;
 //! `UPDATE_OPENAPI=1 cargo test -p palpate-server openapi` rewrites it.
 
+#[cfg(test)]
+mod effects;
 mod examples;
 #[cfg(any(test, not(feature = "swagger")))]
 pub(crate) mod listing;
@@ -14,6 +16,7 @@ mod operations;
 pub(crate) mod reader;
 mod unions;
 
+use std::collections::BTreeSet;
 use std::sync::OnceLock;
 
 use palpate_schemas::{
@@ -104,6 +107,20 @@ pub(crate) fn operation_ids() -> Vec<(String, &'static str, String)> {
         }
     }
     ids
+}
+
+/// The operations without parameters in their query, as path and method.
+pub(crate) fn operations_without_query() -> BTreeSet<(String, &'static str)> {
+    let mut found = BTreeSet::new();
+    for (path, item) in &mut routes::api().into_openapi().paths.paths {
+        for (method, operation) in operations(item) {
+            let mut parameters = operation.parameters.iter().flatten();
+            if !parameters.any(|parameter| parameter.parameter_in == ParameterIn::Query) {
+                found.insert((path.clone(), method));
+            }
+        }
+    }
+    found
 }
 
 fn operations(item: &mut PathItem) -> impl Iterator<Item = (&'static str, &mut Operation)> {

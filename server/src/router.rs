@@ -1,5 +1,7 @@
 //! The router: every route of the API and every page, behind the layers.
 
+use std::sync::Arc;
+
 use axum::Router;
 use axum::http::{HeaderMap, Uri};
 use axum::middleware::{from_fn, from_fn_with_state};
@@ -16,7 +18,7 @@ use crate::middleware::audit::record;
 use crate::middleware::guard::guard;
 use crate::middleware::headers::{cors, secure};
 use crate::middleware::rate::share;
-use crate::middleware::telemetry;
+use crate::middleware::{query, telemetry};
 use crate::{dashboard, openapi, problem, routes};
 
 /// Length from which an answer is compressed, bytes. Chosen: a shorter one fits into one packet.
@@ -25,8 +27,10 @@ const COMPRESSED_MIN: u16 = 1400;
 /// Every route behind every layer; the outermost is added last.
 pub(crate) fn router(app: App) -> Router {
     let (api, _) = routes::api().split_for_parts();
+    let without = Arc::new(openapi::operations_without_query());
     let guarded = api
         .merge(pages())
+        .layer(from_fn_with_state(without, query::heed))
         .layer(CatchPanicLayer::custom(problem::panicked))
         .layer(from_fn_with_state(app.clone(), record))
         .layer(from_fn_with_state(app.clone(), admit))

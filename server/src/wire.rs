@@ -82,6 +82,18 @@ pub(crate) fn time(ms: u64) -> String {
     format!("{:.3}", jiff::Timestamp::from_millisecond(ms).unwrap_or(jiff::Timestamp::MAX))
 }
 
+/// A time of the wire, milliseconds since 1970. All of the year 9999, which people write for
+/// "never", is at most the last time that there is.
+pub(crate) fn moment(text: &str) -> Option<i64> {
+    let never = || {
+        let pieces = jiff::fmt::temporal::Pieces::parse(text).ok()?;
+        let is_whole = pieces.time().is_some() && pieces.offset().is_some();
+        (is_whole && pieces.date().year() == 9999).then_some(jiff::Timestamp::MAX)
+    };
+    let time: Option<jiff::Timestamp> = text.parse().ok().or_else(never);
+    time.map(jiff::Timestamp::as_millisecond)
+}
+
 /// Checks a new name: short, safe in paths and shells, and distinct from ids.
 pub(crate) fn name(name: &str) -> Result<(), Invalid> {
     let first_fits = name.starts_with(|c: char| c.is_ascii_alphanumeric());

@@ -17,6 +17,7 @@ pub mod controller;
 pub mod sampler;
 pub mod kept;
 pub mod symmetry;
+pub mod form;
 pub mod convergence;
 pub mod arm;
 pub mod explore;

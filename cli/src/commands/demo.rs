@@ -19,7 +19,7 @@ use clap::Args;
 use palpate_client::Client;
 use palpate_client::schemas::{
     CatalogueVersion, CreateObject, CreateSession, JobState, LabelledQuery, MeshFormat, MeshUnit,
-    ProblemType, SensorPreset, StartTraining,
+    ProblemType, SensorKnowledge, SensorPreset, StartTraining,
 };
 use palpate_core::symmetry::Symmetry;
 use palpate_server::{Config, Server, StartError};
@@ -185,6 +185,8 @@ async fn train_objects(
     }
     let training = StartTraining {
         objects: Some(shapes::NAMES.map(str::to_owned).to_vec()),
+        // The demo's robots press with the description itself.
+        sensor_knowledge: Some(SensorKnowledge::Measured),
         readings_per_object: Some(args.readings_per_object),
         ..StartTraining::default()
     };

@@ -49,7 +49,8 @@ pub(crate) struct TrainArgs {
     /// Sensor that touches meshes in simulation [default: digitacts-6x6].
     #[arg(long)]
     sensor: Option<String>,
-    /// Trust in that sensor's description [default: that of the sensor].
+    /// Trust in that sensor's description [default: commissioned with a passport, else that of the
+    /// version before, else that of the sensor].
     #[arg(long, value_enum, value_name = "LEVEL")]
     knowledge: Option<SensorKnowledge>,
     /// Number of appearance classes [default: 25].

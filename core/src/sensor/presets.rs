@@ -1,13 +1,9 @@
-//! Known sensors by name, with what is known about each.
-//!
-//! The sensors of the dissertation's simulations describe the simulator itself; real arrays
-//! (`arrays`) are of data sheets.
+//! Known sensors by name, as data sheets: nobody has measured the array of whoever picks one.
 
 use super::arrays;
 use super::coupling::Coupling;
 use super::defaults;
 use super::description::{ImageOrder, SensorDescription, SensorParameters};
-use super::family::SensorKnowledge;
 use super::grid::TaxelGrid;
 use super::point_spread::point_spread_of_covering;
 use super::ranges::StatedRanges;
@@ -18,8 +14,6 @@ use crate::units::{INCH, KPA, MM};
 pub struct Preset {
     /// Its description.
     pub description: SensorDescription,
-    /// Trust in the description.
-    pub knowledge: SensorKnowledge,
     /// Ranges of what the description leaves open.
     pub ranges: StatedRanges,
 }
@@ -45,16 +39,8 @@ impl Preset {
     /// The preset with the given name in the API and on the command line.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
-        let simulated = |description| Self {
-            description,
-            knowledge: SensorKnowledge::Measured,
-            ranges: StatedRanges::default(),
-        };
-        let real = |(parameters, ranges)| Self {
-            description: checked(parameters),
-            knowledge: SensorKnowledge::DataSheet,
-            ranges,
-        };
+        let simulated = |description| Self { description, ranges: StatedRanges::default() };
+        let real = |(parameters, ranges)| Self { description: checked(parameters), ranges };
         match name {
             "digitacts-6x6" => Some(simulated(SensorDescription::digitacts_6x6())),
             "digitacts-6x6-thin" => Some(simulated(SensorDescription::digitacts_6x6_thin())),

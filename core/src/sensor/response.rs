@@ -124,6 +124,28 @@ pub enum ResponseError {
         /// Number of taxels.
         n_taxels: usize,
     },
+    /// Most pressed taxels are saturated.
+    #[error(
+        "the pressed taxel is saturated in {n_saturated} of {n_presses} presses: press less deep, or \
+         are the values in another unit than pascal?"
+    )]
+    Saturated {
+        /// Number of presses that saturate the pressed taxel.
+        n_saturated: usize,
+        /// Number of presses.
+        n_presses: usize,
+    },
+    /// Most pressed taxels read less than nothing.
+    #[error(
+        "the pressed taxel is below zero in {n_negative} of {n_presses} presses: is the sign right, \
+         and was the sensor tared?"
+    )]
+    Negative {
+        /// Number of presses in which the pressed taxel is below zero.
+        n_negative: usize,
+        /// Number of presses.
+        n_presses: usize,
+    },
     /// The fitted responses do not rise.
     #[error(transparent)]
     Fit(#[from] CalibrationError),
@@ -159,7 +181,7 @@ pub fn fit_response(
     let is_usable = |taxel: &usize| taxels[*taxel].state == TaxelState::Ok;
     let usable: Vec<usize> = (0..taxels.len()).filter(is_usable).collect();
     if 2 * usable.len() < taxels.len() {
-        return Err(ResponseError::Silent { usable: usable.len(), n_taxels: taxels.len() });
+        return Err(silence(presses, saturation, usable.len(), taxels.len()));
     }
     let pooled: Vec<(f64, f64)> =
         usable.iter().flat_map(|taxel| measured.points(*taxel, *taxel)).collect();
@@ -175,6 +197,27 @@ pub fn fit_response(
     };
     let (before, after) = (goodness(&pooled), goodness(&corrected));
     Ok(ResponseFit { calibration, before, after })
+}
+
+/// Why most taxels do not answer their own presses.
+fn silence(
+    presses: &[Indentation],
+    saturation: f64,
+    usable: usize,
+    n_taxels: usize,
+) -> ResponseError {
+    let n_presses = presses.len();
+    let count = |is: &dyn Fn(f64) -> bool| {
+        presses.iter().filter(|press| press.pressures[press.taxel].is_some_and(is)).count()
+    };
+    let (n_saturated, n_negative) = (count(&|p| p >= saturation), count(&|p| p < 0.0));
+    if 2 * n_saturated > n_presses {
+        return ResponseError::Saturated { n_saturated, n_presses };
+    }
+    if 2 * n_negative > n_presses {
+        return ResponseError::Negative { n_negative, n_presses };
+    }
+    ResponseError::Silent { usable, n_taxels }
 }
 
 /// The indices of each taxel's presses.

@@ -98,12 +98,21 @@ impl Presses {
         self.positions.iter().filter(|position| is_inside(*motion * **position)).count()
     }
 
+    /// Whether all touches lie within one contact, which is round from everywhere.
+    fn are_one_place(&self) -> bool {
+        let n = self.positions.len() as f64;
+        let middle = self.positions.iter().sum::<DVec3>() / n;
+        let feature = |half: &DVec2| FEATURE * half.min_element() / MIDDLE;
+        let radius = self.half.iter().map(feature).fold(f64::INFINITY, f64::min);
+        self.positions.iter().all(|at| at.distance(middle) <= radius)
+    }
+
     /// Number of further touches needed until touches `times` rarer would miss a feature as
     /// large as a contact on less than [`MISSED_MAX`] of the surface; 0 when no more are
     /// needed.
     pub(super) fn touches_needed(&self, times: f64) -> usize {
         let n = self.positions.len();
-        if n <= NEIGHBOUR {
+        if n <= NEIGHBOUR || self.are_one_place() {
             return super::PATCHES_MIN;
         }
         // The surface that each touch represents, and the number of touches a feature there has.

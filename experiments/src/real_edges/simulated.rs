@@ -4,7 +4,7 @@ use anyhow::{Context as _, ensure};
 use glam::{DQuat, DVec2, DVec3};
 use palpate_core::pose::Pose;
 use palpate_core::rng::{Purpose, Stream};
-use palpate_core::sensor::{Preset, SensorFamily};
+use palpate_core::sensor::{Preset, SensorFamily, SensorKnowledge};
 use palpate_core::units::{DEG, MM};
 use palpate_sim::mesh::Mesh;
 use palpate_sim::press::PressSimulator;
@@ -19,7 +19,8 @@ const N_SIDES: usize = 48;
 /// Simulated touches of cables, by sensors of the preset's family.
 pub(super) fn simulate(config: &RealEdges) -> anyhow::Result<Vec<Edge>> {
     let preset = Preset::named("contactile-papillarray-3x3").context("the preset is missing")?;
-    let family = SensorFamily::within(preset.description, preset.knowledge, &preset.ranges);
+    let (described, ranges) = (preset.description, preset.ranges);
+    let family = SensorFamily::within(described, SensorKnowledge::DataSheet, &ranges);
     let cable = |number: usize| {
         let mut stream = Stream::new(config.seed, Purpose::SensorFamily, number as u64);
         let sensor = family.draw(&mut stream);

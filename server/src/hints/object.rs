@@ -4,13 +4,15 @@ use palpate_core::contact::touches;
 use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::units::Shown;
-use palpate_schemas::{ObjectReport, SkippedObject, Warning, WarningCode};
+use palpate_schemas::{ObjectReport, SensorKnowledge, SkippedObject, Warning, WarningCode};
 
 use super::{SIZE_LARGE, SIZE_SMALL, meant};
 
 /// Number of touches below which an object's symmetry and much of its surface are unknown.
 /// Derived: the search for symmetries needs as many.
 const TOUCHES_FEW: usize = 60;
+/// Distance of two places, metres. Chosen: half the finest pitch of the arrays.
+const PLACE: f64 = 1e-3;
 /// Ratio of two sizes from which they are in different units rather than of different
 /// objects. Chosen: 1,000 is the factor of metres and millimetres, and objects of one
 /// catalogue differ by less than 100 (a ring of 20 mm, a door of 2 m).
@@ -23,6 +25,9 @@ pub(crate) struct Touched {
     pub(crate) n_readings: usize,
     /// Number of readings with contact.
     pub(crate) n_touches: usize,
+    /// Number of places that these touched, as far as [`TOUCHES_FEW`]; that of the touches without
+    /// poses.
+    pub(crate) n_places: usize,
     /// The largest extent of the touches along an axis, metres.
     pub(crate) size: f64,
     /// The largest pressure of all readings, Pa.
@@ -42,8 +47,9 @@ impl Touched {
             }
             _ => 0.0,
         };
+        let n_places = if are_placed { n_places(positions()) } else { felt.len() };
         let max_pressure = readings.iter().map(|r| r.image().max()).fold(0.0, f64::max);
-        Self { n_readings: readings.len(), n_touches: felt.len(), size, max_pressure }
+        Self { n_readings: readings.len(), n_touches: felt.len(), n_places, size, max_pressure }
     }
 
     /// The probable unit of the pressures, when nothing was touched.
@@ -51,6 +57,17 @@ impl Touched {
         let max = Shown(self.max_pressure);
         format!("the largest value is {max}, {}", meant(self.max_pressure, sensor))
     }
+}
+
+/// Number of positions (m) that are [`PLACE`] apart, at most [`TOUCHES_FEW`].
+fn n_places(positions: impl Iterator<Item = glam::DVec3>) -> usize {
+    let mut places: Vec<glam::DVec3> = Vec::new();
+    for position in positions {
+        if places.len() < TOUCHES_FEW && places.iter().all(|at| at.distance(position) > PLACE) {
+            places.push(position);
+        }
+    }
+    places.len()
 }
 
 /// The probable mistakes in an object's training data.
@@ -75,6 +92,13 @@ pub(crate) fn of_object(touched: &Touched, has_mesh: bool) -> Vec<Warning> {
             "{} of {} readings touched it, and below {TOUCHES_FEW} neither its surface nor its \
              symmetry is known",
             touched.n_touches, touched.n_readings
+        );
+        warn(WarningCode::FewTouches, detail);
+    } else if touched.n_places < TOUCHES_FEW {
+        let detail = format!(
+            "{} of {} readings touched it, but only {} places that are a millimetre apart, and \
+             below {TOUCHES_FEW} neither its surface nor its symmetry is known",
+            touched.n_touches, touched.n_readings, touched.n_places
         );
         warn(WarningCode::FewTouches, detail);
     }
@@ -112,4 +136,33 @@ pub(crate) fn of_catalogue(
         warnings.push(Warning { code: WarningCode::ObjectsSkipped, pointer, detail });
     }
     warnings
+}
+
+/// Objects with equal shapes or readings.
+pub(crate) fn of_twins(twins: &[[String; 2]]) -> Option<Warning> {
+    let [one, other] = twins.first()?;
+    let others = match twins.len() {
+        1 => String::new(),
+        n => format!(" (and {} pairs more)", n - 1),
+    };
+    let detail = format!(
+        "objects {one:?} and {other:?} have the same shape{others}: touch cannot tell them apart, so \
+         no belief gets sure of either; remove one of them, or accept either answer"
+    );
+    Some(Warning { code: WarningCode::DuplicateObjects, pointer: "/objects".to_owned(), detail })
+}
+
+/// A training that trusts its sensor as an earlier version did, and not as the sensor states.
+pub(crate) fn of_kept_knowledge(
+    level: SensorKnowledge,
+    version: u32,
+    (sensor, stated): (&str, SensorKnowledge),
+) -> Warning {
+    let (level, stated) = (level.name(), stated.name());
+    let detail = format!(
+        "meshes were pressed as `{level}`, which is kept from version {version}, but the sensor \
+         {sensor:?} is `{stated}`: train anew with `sensor_knowledge` `{stated}` unless `{level}` is \
+         right"
+    );
+    Warning { code: WarningCode::KnowledgeKept, pointer: "/sensor_knowledge".to_owned(), detail }
 }

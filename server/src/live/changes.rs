@@ -3,6 +3,8 @@
 //! New readings are stored and folded; repeated ones get the first answer again. A withdrawn
 //! reading stays in the journal and no longer counts.
 
+use std::collections::BTreeMap;
+
 use glam::DVec3;
 use palpate_schemas as wire;
 use palpate_schemas::{BeliefDetail, SessionEvent};
@@ -21,6 +23,7 @@ use crate::asker::Asker;
 use crate::cause::Cause;
 use crate::clock::now_ms;
 use crate::compute::{Place, Urgency};
+use crate::hints::{SetBack, of_clock};
 use crate::repeats::new_readings;
 use crate::wire::belief::top;
 use crate::wire::count;
@@ -79,6 +82,9 @@ impl Live {
                 added => break (status, n_new, added?),
             }
         };
+        let mut warnings =
+            warnings(&readings, self.first_place()?, Some(options(&self.session).method));
+        warnings.extend(self.set_back(&readings)?);
         Ok(wire::ReadingsAdded {
             session: self.session.id,
             n_new: count(n_new),
@@ -86,7 +92,7 @@ impl Live {
             n_readings: count(status.n_readings + n_new as u64),
             n_presses: belief.as_ref().map(|belief| belief.n_readings),
             belief: in_detail(belief, detail),
-            warnings: warnings(&readings, self.first_place()?, Some(options(&self.session).method)),
+            warnings,
         })
     }
 
@@ -287,6 +293,38 @@ impl Live {
             BeliefDetail::None if self.is_followed() => Ok(self.tools.pool.place().ok()),
             BeliefDetail::None => Ok(None),
         }
+    }
+
+    /// The warning about the first reading of a request that is stamped before its robot's number
+    /// before it, of the request or else stored.
+    fn set_back(&self, readings: &[Incoming]) -> Result<Option<wire::Warning>, LiveError> {
+        let (journal, key) = (self.tools.store.journal(), Asker::current().key());
+        let stamp = |reading: &Incoming| {
+            Some((
+                (reading.id.as_ref()?.robot.as_str(), reading.id.as_ref()?.seq),
+                reading.stored.stamp_ns?,
+            ))
+        };
+        let stamps: BTreeMap<(&str, u64), i64> = readings.iter().filter_map(stamp).collect();
+        for (index, reading) in readings.iter().enumerate() {
+            let Some(((robot, later), now)) = stamp(reading) else { continue };
+            let before = match stamps.range((robot, 0)..(robot, later)).next_back() {
+                Some(((_, before), stamp)) => Some((*before, *stamp)),
+                None => match later.checked_sub(1) {
+                    Some(seq) => {
+                        let id = ReadingId { robot: robot.to_owned(), seq };
+                        let known = stored(&journal, self.session.id, &id, key)?;
+                        known.and_then(|known| Some((seq, known.stamp_ns?)))
+                    }
+                    None => None,
+                },
+            };
+            if let Some((before, _)) = before.filter(|(_, stamp)| *stamp > now) {
+                let found = SetBack { robot: robot.to_owned(), later, before };
+                return Ok(Some(of_clock(&found, format!("/readings/{index}/stamp"))));
+            }
+        }
+        Ok(None)
     }
 
     /// The place of the session's first reading, if it has one.

@@ -11,6 +11,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use palpate_core::belief::answer::Answer;
 use palpate_dissertation::geometric::GeometricError;
 use palpate_schemas::Method;
 use palpate_store::database::Database;
@@ -19,6 +20,7 @@ use palpate_store::entity::Session;
 use super::LiveError;
 use super::belief::{BeliefError, SessionBelief};
 use super::checkpoints::{Checkpoint, Checkpoints};
+use super::clocks::Clocks;
 use super::order::{Chronicle, Touch, begins_with, stored_order};
 use super::readings::{ENTRIES_PER_READ, Readings, Ready};
 use super::status::status;
@@ -51,11 +53,26 @@ pub(super) struct Folding {
     pub(super) is_kept: bool,
 }
 
-/// A belief and the number of presses it includes.
+/// A belief, the number of presses it includes, and the clocks of their robots.
 #[derive(Clone)]
 pub(super) struct Fold {
     pub(super) belief: SessionBelief,
     pub(super) n: usize,
+    pub(super) clocks: Clocks,
+}
+
+/// An answer of a belief, and what its readings' stamps contradict.
+pub(crate) struct Answered {
+    pub(crate) answer: Answer,
+    pub(super) set_back: Option<SetBack>,
+}
+
+impl Fold {
+    /// The answer with at most `poses` poses.
+    pub(super) fn answer(&self, poses: usize) -> Answered {
+        let set_back = self.clocks.set_back().cloned();
+        Answered { answer: self.belief.answer(poses), set_back }
+    }
 }
 
 /// The folding order of presses, and a belief on the way, if any.
@@ -151,7 +168,7 @@ impl Folding {
         &self,
         memory: &'memory mut Memory,
         length: usize,
-    ) -> Result<&'memory SessionBelief, LiveError> {
+    ) -> Result<&'memory Fold, LiveError> {
         self.readings.tell(&mut memory.chronicle, length)?;
         memory.settle();
         memory.retry_missing();
@@ -178,8 +195,7 @@ impl Folding {
         if self.is_kept {
             self.store(memory, READINGS_PER_CHECKPOINT);
         }
-        let newest = memory.newest.as_ref().ok_or_else(|| self.readings.gone())?;
-        Ok(&newest.belief)
+        Ok(memory.newest.as_ref().ok_or_else(|| self.readings.gone())?)
     }
 
     /// Stores the newest belief of an open session if it includes `more` readings more than the
@@ -214,7 +230,8 @@ impl Folding {
         let mut fold = self.nothing()?;
         for touches in order[..n].chunks(ENTRIES_PER_READ) {
             for ready in &self.readings.ready(touches)? {
-                let Ready { stored, reading, sensor, .. } = &**ready;
+                let Ready { stored, reading, sensor, id, .. } = &**ready;
+                fold.clocks.take(stored.stamp_ns, id.as_ref());
                 if !fold.belief.retrace(stored, reading, &sensor.description) {
                     return Ok(None);
                 }
@@ -230,18 +247,14 @@ impl Folding {
 
     /// The belief after the journal's first `length` entries, folded from `start` if given,
     /// else from nothing.
-    pub(super) fn past(
-        &self,
-        length: usize,
-        start: Option<Start>,
-    ) -> Result<SessionBelief, LiveError> {
+    pub(super) fn past(&self, length: usize, start: Option<Start>) -> Result<Fold, LiveError> {
         let (order, begin) = match start {
             Some(start) => start,
             None => (self.chronicle(length)?.order().to_vec(), None),
         };
         let mut fold = begin.map_or_else(|| self.nothing(), Ok)?;
         self.fold_on(&mut fold, &order, |_| {})?;
-        Ok(fold.belief)
+        Ok(fold)
     }
 
     /// The chronicle of the journal's first `length` entries.
@@ -262,7 +275,7 @@ impl Folding {
                 error => self.unusable(&error).into(),
             })?;
         belief.heed(self.asker.overdue());
-        Ok(Fold { belief, n: 0 })
+        Ok(Fold { belief, n: 0, clocks: Clocks::default() })
     }
 
     /// Folds the missing presses of `order`; `each` receives the belief after each.
@@ -277,6 +290,7 @@ impl Folding {
             let next = &order[fold.n..order.len().min(fold.n + ENTRIES_PER_READ)];
             for ready in &self.readings.ready(next)? {
                 self.add(&mut fold.belief, ready)?;
+                fold.clocks.take(ready.stored.stamp_ns, ready.id.as_ref());
                 fold.n += 1;
                 each(fold);
             }

@@ -19,7 +19,7 @@ use palpate_schemas as wire;
 use palpate_store::journal::Entry;
 
 use super::belief::SessionBelief;
-use super::folding::{Folding, Memory, Start};
+use super::folding::{Answered, Folding, Memory, Start};
 use super::readings::Ready;
 use super::{Live, LiveError};
 use crate::cause::Cause;
@@ -178,7 +178,7 @@ impl Live {
         start: Option<Start>,
     ) -> Result<wire::Belief, LiveError> {
         let folding = self.folding(Vec::new());
-        let work = move || -> Result<Answer, LiveError> {
+        let work = move || -> Result<Answered, LiveError> {
             Ok(folding.past(revision as usize, start)?.answer(poses))
         };
         let answer = place.run_long(work).await??;
@@ -206,7 +206,7 @@ impl Walk {
     }
 
     /// The answer after the last step.
-    fn answer(&mut self, poses: usize) -> Result<Answer, LiveError> {
+    fn answer(&mut self, poses: usize) -> Result<Answered, LiveError> {
         let length = self.memory.chronicle.len();
         Ok(self.folding.bring(&mut self.memory, length)?.answer(poses))
     }
@@ -217,7 +217,7 @@ impl Walk {
         let stays = self.memory.settle();
         let late = stays + 1 < self.memory.chronicle.order().len();
         let length = self.memory.chronicle.len();
-        let answer = self.folding.bring(&mut self.memory, length)?.answer(0);
+        let answer = self.folding.bring(&mut self.memory, length)?.belief.answer(0);
         Ok(history::step(entry, late, &answer, &self.folding.model))
     }
 }

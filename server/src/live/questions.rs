@@ -9,7 +9,8 @@ use palpate_core::symmetry::Symmetry;
 use palpate_schemas as wire;
 use palpate_schemas::Method;
 
-use super::belief::{ObjectMarginals, SessionBelief};
+use super::belief::ObjectMarginals;
+use super::folding::{Answered, Fold};
 use super::history::ReplayQuestion;
 use super::trace::{Point, TRACE_MAX};
 use super::{Live, LiveError, POSES, answer};
@@ -47,7 +48,7 @@ impl Live {
     ) -> Result<Option<wire::Marginals>, LiveError> {
         let (session, object) =
             (self.session.id, object.map(|reference| self.object(reference)).transpose()?);
-        let ask = move |belief: &SessionBelief| belief.marginals(object);
+        let ask = move |fold: &Fold| fold.belief.marginals(object);
         let present = self.present(known_revision, ask).await?;
         let Some((revision, found)) = present else { return Ok(None) };
         let ObjectMarginals { object, probability, marginals } =
@@ -74,9 +75,9 @@ impl Live {
         let length = status.length;
         let place = self.tools.pool.place()?;
         let asker = Asker::current();
-        let ask = move |belief: &SessionBelief| {
+        let ask = move |fold: &Fold| {
             let mut is_late = || begun.elapsed() >= question.deadline || asker.is_gone();
-            (belief.next_touches(&question, &mut is_late), question)
+            (fold.belief.next_touches(&question, &mut is_late), question)
         };
         let (folding, place) = (self.folding(Vec::new()), (place, Urgency::Question));
         let (ranking, question) = self.ask(&mut state, folding, place, length, ask).await?;
@@ -92,7 +93,7 @@ impl Live {
         let place = self.tools.pool.place()?;
         let (folding, place) = (self.folding(Vec::new()), (place, Urgency::Reading));
         let poses = told.session_from_object.map_or(0, |_| POSES);
-        let answer = self.ask(&mut state, folding, place, length, answer(poses)).await?;
+        let answer = self.ask(&mut state, folding, place, length, answer(poses)).await?.answer;
         let probability = match truth {
             Some(object) => answer.probabilities[object],
             None => answer.unknown,
@@ -127,7 +128,7 @@ impl Live {
     }
 
     /// The answer after the session's end, which nothing waits for.
-    pub(crate) async fn concluded(&self, place: Place) -> Result<Answer, LiveError> {
+    pub(crate) async fn concluded(&self, place: Place) -> Result<Answered, LiveError> {
         let mut state = self.turns.insist().await;
         let length = self.length()?;
         let (folding, place) = (self.folding(Vec::new()), (place, Urgency::Question));
@@ -198,7 +199,7 @@ impl Live {
     async fn present<T: Send + 'static>(
         &self,
         known_revision: Option<u64>,
-        question: impl FnOnce(&SessionBelief) -> T + Send + 'static,
+        question: impl FnOnce(&Fold) -> T + Send + 'static,
     ) -> Result<Option<(u64, T)>, LiveError> {
         let mut state = self.turns.take().await?;
         let length = self.length()?;

@@ -315,6 +315,18 @@ impl Catalogues {
         Ok(made.map(|manifest| manifest.version))
     }
 
+    /// The current version of a named catalogue and its parameters; `None` also if these cannot be
+    /// read.
+    pub(crate) fn current_of(
+        &self,
+        name: &str,
+    ) -> Result<Option<(u32, training::VersionParameters)>, StoreError> {
+        let Some(catalogue) = self.table.find_by_name(name)? else { return Ok(None) };
+        let Some(version) = catalogue.current else { return Ok(None) };
+        let manifest = self.manifest(&catalogue, version).ok();
+        Ok(manifest.and_then(|manifest| parameters_of(&manifest)).map(|known| (version, known)))
+    }
+
     /// The manifest of a version of a named catalogue, and its training parameters.
     pub(crate) fn manifest_of(
         &self,

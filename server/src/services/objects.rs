@@ -261,7 +261,7 @@ impl Objects {
         let frame_id = convert::reading::shared_frame(&request.readings)?;
         let _using = self.sensors.using().await;
         convert::reading::check_size(&request.readings)?;
-        convert::felt::images_only(&request.readings)?;
+        convert::felt::for_training(&request.readings)?;
         let sources = self.sensors.sources(&request.readings)?;
         let readings = convert::reading::readings(&request.readings, sources, frame_id)?;
         let journal = self.store.training();

@@ -7,7 +7,7 @@ mod removal;
 use std::sync::Arc;
 
 use dashmap::DashSet;
-use palpate_core::sensor::Preset;
+use palpate_core::sensor::{Preset, SensorKnowledge};
 use palpate_schemas as wire;
 use palpate_store::database::Database;
 use palpate_store::entity::Sensor;
@@ -55,7 +55,7 @@ impl Sensors {
     /// Adds a sensor for every preset, under the preset's name, unless the name is in use.
     pub(crate) async fn add_presets(&self) -> Result<(), StoreError> {
         for name in Preset::NAMES {
-            let Some(Preset { description, knowledge, ranges }) = Preset::named(name) else {
+            let Some(Preset { description, ranges }) = Preset::named(name) else {
                 continue;
             };
             let sensor = Sensor {
@@ -63,7 +63,7 @@ impl Sensors {
                 name: name.to_owned(),
                 preset: Some(name.to_owned()),
                 description,
-                knowledge,
+                knowledge: SensorKnowledge::default(),
                 ranges,
                 labels: wire::Labels::new(),
                 used: false,

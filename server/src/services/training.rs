@@ -13,6 +13,7 @@ mod keeping;
 mod material;
 mod skipping;
 mod surface;
+mod twins;
 mod unseen;
 
 use std::ops::ControlFlow;
@@ -35,7 +36,7 @@ use palpate_store::entity::Sensor;
 use palpate_store::model::TrainedModel;
 use rayon::prelude::*;
 
-use crate::hints::{of_catalogue, of_object};
+use crate::hints::{of_catalogue, of_kept_knowledge, of_object, of_twins};
 use crate::services::sensors::Sensors;
 use crate::wire::symmetry::axes;
 use crate::wire::{count, coupling, geometry as wire_geometry};
@@ -54,6 +55,8 @@ pub(crate) struct Plan {
     pub(crate) sensor: Arc<Sensor>,
     /// Trust in its description.
     pub(crate) knowledge: SensorKnowledge,
+    /// The version that had this trust in it too, where the sensor itself states another.
+    pub(crate) kept_from: Option<u32>,
     pub(crate) readings_per_object: usize,
     /// Number of simulated touches for a surface, at least `readings_per_object`.
     pub(crate) surface_readings_per_object: usize,
@@ -116,7 +119,15 @@ pub(crate) fn train(
                 let sizes: Vec<(&ObjectReport, f64)> =
                     objects.iter().zip(materials.iter().map(|one| one.touched.size)).collect();
                 let skipped = skipped.reported();
-                let warnings = of_catalogue(&sizes, &skipped);
+                let mut warnings = of_catalogue(&sizes, &skipped);
+                warnings.extend(of_twins(&twins::twins(plan, &materials, sources)?));
+                if let Some(version) = plan.kept_from
+                    && objects.iter().any(|object| object.sensor_knowledge.is_some())
+                {
+                    let stated = coupling::knowledge(plan.sensor.knowledge);
+                    let sensor = (plan.sensor.name.as_str(), stated);
+                    warnings.push(of_kept_knowledge(plan.knowledge, version, sensor));
+                }
                 let objects = with_base(plan, &materials, objects);
                 return Ok(Trained { model, objects, skipped, warnings });
             }

@@ -57,8 +57,7 @@ pub(crate) fn ring(entry: &AuditEntry) -> wire::AuditRing {
 
 /// A time of the wire in milliseconds since 1970.
 pub(crate) fn milliseconds(pointer: &str, text: &str) -> Result<u64, Invalid> {
-    let parsed = text.parse::<jiff::Timestamp>().ok().map(jiff::Timestamp::as_millisecond);
-    parsed.map(|ms| u64::try_from(ms).unwrap_or(0)).ok_or_else(|| {
+    super::moment(text).map(|ms| u64::try_from(ms).unwrap_or(0)).ok_or_else(|| {
         let expected = "expected a time like 2026-05-01T00:00:00Z";
         Invalid::field(pointer, format!("came {text:?}, {expected}"))
     })

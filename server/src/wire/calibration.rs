@@ -160,6 +160,8 @@ fn refuse_response(error: ResponseError) -> Invalid {
         ResponseError::Shape { press, .. } => format!("/response/{press}/pressures"),
         ResponseError::Depths { .. }
         | ResponseError::Curve { .. }
+        | ResponseError::Saturated { .. }
+        | ResponseError::Negative { .. }
         | ResponseError::Silent { .. }
         | ResponseError::Fit(_) => "/response".to_owned(),
     };

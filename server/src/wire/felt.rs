@@ -154,14 +154,23 @@ pub(super) fn shown(contact: ContactNumbers) -> wire::Contact {
     }
 }
 
-/// Refuses readings without an image: objects are learnt from images.
-pub(crate) fn images_only(given: &[wire::Reading]) -> Result<(), Invalid> {
-    let Some(index) = given.iter().position(|reading| reading.contact.is_some()) else {
-        return Ok(());
+/// Refuses readings that teach nothing of an object at rest: those without an image, and those
+/// before which it may have moved.
+pub(crate) fn for_training(given: &[wire::Reading]) -> Result<(), Invalid> {
+    let refused = |index: usize, field: &str, detail: &str| {
+        Err(Invalid::field(format!("/readings/{index}/{field}"), detail))
     };
-    let detail = "came without an image, expected one: objects are learnt from images; contacts \
-                  serve to recognise them";
-    Err(Invalid::field(format!("/readings/{index}/contact"), detail))
+    if let Some(index) = given.iter().position(|reading| reading.contact.is_some()) {
+        let detail = "came without an image, expected one: objects are learnt from images; \
+                      contacts serve to recognise them";
+        return refused(index, "contact", detail);
+    }
+    if let Some(index) = given.iter().position(|reading| reading.object_moved.is_some()) {
+        let detail = "came with a training reading, expected none: an object is learnt at rest in \
+                      one frame; give poses in a frame that moves with it";
+        return refused(index, "object_moved", detail);
+    }
+    Ok(())
 }
 
 /// What of these readings a session's method leaves out, at most one warning of a kind; without
@@ -170,24 +179,33 @@ pub(crate) fn ignored<'a>(
     given: impl Iterator<Item = &'a StoredReading> + Clone,
     method: Option<wire::Method>,
 ) -> Vec<wire::Warning> {
+    use wire::WarningCode::{ApproachIgnored, ContactIgnored, MotionIgnored, ShearIgnored};
     let mut warnings = Vec::new();
-    let first = |is: fn(&StoredReading) -> bool| given.clone().position(is);
-    if let Some(method) = method.filter(|method| *method != wire::Method::Surface)
-        && let Some(index) = first(|reading| reading.contact.is_some())
-    {
-        let detail = format!(
-            "the method `{}` needs images: contacts without one are stored and do not change the \
-             belief; `surface` uses them",
-            method.name()
-        );
-        let (code, pointer) =
-            (wire::WarningCode::ContactIgnored, format!("/readings/{index}/contact"));
-        warnings.push(wire::Warning { code, pointer, detail });
+    let mut warn = |code, field: &str, detail: String, is: fn(&StoredReading) -> bool| {
+        if let Some(index) = given.clone().position(is) {
+            let pointer = format!("/readings/{index}/{field}");
+            warnings.push(wire::Warning { code, pointer, detail });
+        }
+    };
+    if let Some(method) = method.filter(|method| *method != wire::Method::Surface) {
+        let only = |what: &str| {
+            let method = method.name();
+            format!(
+                "the method `{method}` {what} stored and do not change the belief; `surface` uses \
+                 them"
+            )
+        };
+        let contacts = only("needs images: contacts without one are");
+        warn(ContactIgnored, "contact", contacts, |reading| reading.contact.is_some());
+        let motions = only("takes the object to be at rest: announced motions are");
+        // Appearance has no pose that a motion could make uncertain.
+        if !method.is_appearance() {
+            warn(MotionIgnored, "object_moved", motions, |reading| reading.object_moved.is_some());
+        }
+        let paths = only("looks at presses alone: free paths are");
+        warn(ApproachIgnored, "approach_m", paths, |reading| reading.approach > 0.0);
     }
-    if let Some(index) = first(|reading| reading.shear.is_some()) {
-        let detail = "shear is stored and returned with the reading; no method uses it".to_owned();
-        let (code, pointer) = (wire::WarningCode::ShearIgnored, format!("/readings/{index}/shear"));
-        warnings.push(wire::Warning { code, pointer, detail });
-    }
+    let shear = "shear is stored and returned with the reading; no method uses it".to_owned();
+    warn(ShearIgnored, "shear", shear, |reading| reading.shear.is_some());
     warnings
 }

@@ -232,6 +232,7 @@ pub(crate) fn stored(
         shear: reading.shear.clone(),
         calibration: (reading.calibration > 0).then_some(reading.calibration),
         feature: reading.feature.clone(),
+        approach_m: reading.approach,
     })
 }
 
@@ -340,27 +341,27 @@ pub(crate) fn robot(pointer: &str, robot: &str) -> Result<(), Invalid> {
     Ok(())
 }
 
+/// The name of a frame: ROS states none as an empty text, and older systems begin names with a slash.
+pub(crate) fn frame_name(given: &str) -> Option<&str> {
+    Some(given.strip_prefix('/').unwrap_or(given)).filter(|name| !name.is_empty())
+}
+
 fn frame(pointer: &str, given: &wire::Reading, expected: Option<&str>) -> Result<(), Invalid> {
-    let Some(found) = given.frame_id.as_deref() else { return Ok(()) };
+    let Some(found) = given.frame_id.as_deref().and_then(frame_name) else { return Ok(()) };
     let at = format!("{pointer}/frame_id");
     super::text(&at, found, FRAME_ID_MAX)?;
-    match expected {
-        Some(expected) if expected == found => Ok(()),
-        Some(expected) => Err(Invalid::field(
-            at,
-            format!(
-                "came {found:?}, expected {expected:?}: transform the pose into that frame before \
-                 it is sent"
-            ),
-        )),
-        None => Err(Invalid::field(
-            at,
-            format!(
-                "came {found:?}, but the session was created without a frame_id: name the frame \
-                 there, or leave it out here"
-            ),
-        )),
-    }
+    let detail = match expected {
+        Some(expected) if frame_name(expected) == Some(found) => return Ok(()),
+        Some(expected) => format!(
+            "came {found:?}, expected {expected:?}: transform the pose into that frame before it is \
+             sent"
+        ),
+        None => format!(
+            "came {found:?}, but the session was created without a frame_id: name the frame there, \
+             or leave it out here"
+        ),
+    };
+    Err(Invalid::field(at, detail))
 }
 
 fn stamp_ns(pointer: &str, given: wire::Stamp) -> Result<i64, Invalid> {
@@ -376,9 +377,10 @@ pub(super) fn stamp(ns: i64) -> wire::Stamp {
 }
 
 /// The common frame of a request's readings, or a refusal.
-pub(crate) fn shared_frame(given: &[wire::Reading]) -> Result<Option<&str>, Invalid> {
-    let first = given.first().and_then(|reading| reading.frame_id.as_deref());
-    let other = given.iter().position(|reading| reading.frame_id.as_deref() != first);
+pub(crate) fn shared_frame<'a>(given: &'a [wire::Reading]) -> Result<Option<&'a str>, Invalid> {
+    let named = |reading: &'a wire::Reading| reading.frame_id.as_deref().and_then(frame_name);
+    let first = given.first().and_then(named);
+    let other = given.iter().position(|reading| named(reading) != first);
     match other {
         None => Ok(first),
         Some(index) => Err(Invalid(vec![FieldError {

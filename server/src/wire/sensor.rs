@@ -41,15 +41,15 @@ pub(crate) fn new_sensor(
     created_at_ms: u64,
 ) -> Result<Sensor, Invalid> {
     super::name(&request.name)?;
-    let (description, ranges, by_default) = match (request.preset, &request.description) {
+    let (description, ranges) = match (request.preset, &request.description) {
         (Some(preset), None) => {
             let known = Preset::named(preset.name())
                 .ok_or_else(|| Invalid::field("/preset", "not known to this server"))?;
-            (known.description, known.ranges, known.knowledge)
+            (known.description, known.ranges)
         }
         (None, Some(given)) => {
             let ranges = coupling::stated_ranges(given.ranges.as_ref())?;
-            (checked_description(given)?, ranges, SensorKnowledge::default())
+            (checked_description(given)?, ranges)
         }
         (Some(_), Some(_)) | (None, None) => {
             return Err(Invalid::field("/preset", "expected either a preset or a description"));
@@ -61,7 +61,8 @@ pub(crate) fn new_sensor(
                       commissioned by touches of a known object";
         return Err(Invalid::field("/sensor_knowledge", detail));
     }
-    let knowledge = request.sensor_knowledge.map_or(by_default, coupling::knowledge_of);
+    let knowledge =
+        request.sensor_knowledge.map_or(SensorKnowledge::DataSheet, coupling::knowledge_of);
     let is_stated = request.description.is_some() && !ranges.is_empty();
     if knowledge == SensorKnowledge::Measured && is_stated {
         let detail = "came with `sensor_knowledge` `measured`, which leaves nothing open";

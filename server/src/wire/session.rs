@@ -16,6 +16,7 @@ use uuid::Uuid;
 use crate::model::Model;
 use crate::wire::Invalid;
 use crate::wire::life::{EndReason, Status};
+use crate::wire::reading::frame_name;
 use crate::wire::{INTEGER_MAX, count, time};
 use check::{checked_options, prior};
 
@@ -202,11 +203,8 @@ pub(crate) fn new_session(
     id: Uuid,
     limits: Limits,
 ) -> Result<Session, Invalid> {
-    let frame_id = request.frame_id.clone().unwrap_or_default();
+    let frame_id = request.frame_id.as_deref().and_then(frame_name).unwrap_or_default().to_owned();
     super::text("/frame_id", &frame_id, 256)?;
-    if request.frame_id.is_some() && frame_id.is_empty() {
-        return Err(Invalid::field("/frame_id", "came empty, expected a frame's name"));
-    }
     let time_to_live = match request.ttl_s {
         Some(ttl) => Duration::from_secs(super::within("/ttl_s", u64::from(ttl), 1, TTL_MAX)?),
         None => limits.time_to_live,

@@ -198,7 +198,6 @@ async fn invalid_sessions_are_refused() {
     check(json!({"version": 9}), "/version").await;
     check(json!({"method": "smell"}), "/method").await;
     check(json!({"ttl_s": 0}), "/ttl_s").await;
-    check(json!({"frame_id": ""}), "/frame_id").await;
     let prior =
         |object: &str, probability: f64| json!({"object": object, "probability": probability});
     check(json!({"prior": [prior("mug", 0.5)]}), "/prior/0/object").await;

@@ -232,6 +232,7 @@ async fn touches_that_cannot_be_used_are_refused_at_their_fields() {
     refused(&|it| it["object"] = json!("idea"), "/object").await;
     refused(&|it| it["object"] = Value::Null, "/object").await;
     refused(&|it| it["reference_body"] = json!("cube"), "/object").await;
+    refused(&|it| it["seed"] = json!(1_u64 << 60), "/seed").await;
     let all = |it: &mut Value| it["readings"].as_array_mut().unwrap().truncate(7);
     refused(&all, "/readings").await;
     refused(&|it| it["readings"][3]["image"] = json!([1.0]), "/readings/3/image").await;

@@ -10,7 +10,7 @@ fn described() -> Value {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_described_sensor_is_of_a_data_sheet_by_default() {
+async fn presets_and_descriptions_are_data_sheets_by_default() {
     let it = Harness::start().await;
     let new = json!({"name": "palm", "description": described()});
     let made = it.post("/v1/sensors", &new).await.expect(201);
@@ -26,9 +26,21 @@ async fn a_described_sensor_is_of_a_data_sheet_by_default() {
     let copy = json!({"name": "copy", "description": made["description"]});
     let copy = it.post("/v1/sensors", &copy).await.expect(201);
     assert_eq!(copy["description"], made["description"]);
-    let preset = it.get("/v1/sensors/digitacts-6x6").await.expect(200);
-    assert_eq!(preset["sensor_knowledge"], "measured");
-    assert_eq!(preset["description"]["ranges"], Value::Null);
+    // Those of the start, and a new one of each.
+    for preset in palpate_core::sensor::Preset::NAMES {
+        let new = json!({"name": format!("my-{preset}"), "preset": preset});
+        let new = it.post("/v1/sensors", &new).await.expect(201);
+        let found = it.get(&format!("/v1/sensors/{preset}")).await.expect(200);
+        for sensor in [new, found] {
+            assert_eq!(sensor["sensor_knowledge"], "data_sheet", "{preset}");
+            assert!(sensor["description"]["ranges"].is_object(), "{preset}");
+        }
+    }
+    let simulated =
+        json!({"name": "exact", "preset": "digitacts-6x6", "sensor_knowledge": "measured"});
+    let simulated = it.post("/v1/sensors", &simulated).await.expect(201);
+    assert_eq!(simulated["sensor_knowledge"], "measured");
+    assert_eq!(simulated["description"]["ranges"], Value::Null);
 }
 
 #[tokio::test(flavor = "multi_thread")]

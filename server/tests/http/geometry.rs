@@ -391,4 +391,8 @@ async fn maps_are_shown_exported_and_merged() {
         let refused = it.post("/v1/catalogues/default/merges", &request).await;
         refused.problem(status, kind, pointer);
     }
+    let mut aside = with(1, "default");
+    aside["activate"] = json!(false);
+    let aside = it.post("/v1/catalogues/default/merges", &aside).await.expect(201);
+    assert_eq!((&aside["version"], &aside["is_current"]), (&json!(5), &json!(false)));
 }

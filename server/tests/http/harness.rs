@@ -194,7 +194,9 @@ impl Harness {
             self.post("/v1/objects", &json!({"name": name})).await.expect(201);
             self.put_mesh(name, &off_box(size)).await.expect(200);
         }
-        let training = json!({"readings_per_object": 60, "n_classes": 8, "seed": 3});
+        // Tests press with the description itself.
+        let training = json!({"readings_per_object": 60, "n_classes": 8, "seed": 3,
+            "sensor_knowledge": "measured"});
         let path = "/v1/catalogues/default/trainings";
         let job = self.post(path, &training).await.expect(202);
         let job = self.finished(job["id"].as_str().unwrap()).await;

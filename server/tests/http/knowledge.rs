@@ -105,12 +105,15 @@ async fn knowledge_is_that_of_the_sensor_and_the_same_in_a_version() {
         it.post("/v1/objects", &json!({"name": name})).await.expect(201);
         it.put_mesh(name, &off_box(size)).await.expect(200);
     }
-    let thumb = json!({"name": "thumb", "preset": "digitacts-6x6",
-        "sensor_knowledge": "data_sheet"});
-    it.post("/v1/sensors", &thumb).await.expect(201);
+    for (name, level) in [("thumb", "data_sheet"), ("exact", "measured")] {
+        let new = json!({"name": name, "preset": "digitacts-6x6", "sensor_knowledge": level});
+        it.post("/v1/sensors", &new).await.expect(201);
+    }
     let some = |sensor: &str| json!({"objects": ["cube"], "sensor": sensor, "readings_per_object": 40, "n_classes": 4});
-    let job = train(&it, "exact", some("digitacts-6x6")).await;
+    let job = train(&it, "exact", some("exact")).await;
     assert_eq!(job["training"]["sensor_knowledge"], "measured");
+    let job = train(&it, "preset", some("digitacts-6x6")).await;
+    assert_eq!(job["training"]["sensor_knowledge"], "data_sheet");
     let job = train(&it, "open", some("thumb")).await;
     assert_eq!(job["training"]["sensor_knowledge"], "data_sheet");
     // Another sensor, but the level of the version.
@@ -131,4 +134,38 @@ async fn knowledge_is_that_of_the_sensor_and_the_same_in_a_version() {
         it.get(&path).await.expect(200)
     };
     assert_eq!(map(1).await, map(3).await);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_catalogue_trained_anew_keeps_its_level_and_says_so() {
+    let it = Harness::start().await;
+    it.post("/v1/objects", &json!({"name": "cube"})).await.expect(201);
+    it.put_mesh("cube", &off_box(CUBE)).await.expect(200);
+    let training =
+        json!({"readings_per_object": 40, "n_classes": 4, "sva": false, "surface": true});
+    let with = |level: &str| {
+        let mut stated = training.clone();
+        stated["sensor_knowledge"] = json!(level);
+        stated
+    };
+    let kept = async |version: u32| {
+        let report = report(&it, "old", version).await;
+        let warnings = report["warnings"].as_array().unwrap().clone();
+        let mut kept = warnings.iter().filter(|warning| warning["code"] == "knowledge_kept");
+        (report["sensor_knowledge"].clone(), kept.next().map(|it| it["detail"].to_string()))
+    };
+    train(&it, "old", with("measured")).await;
+    assert_eq!(kept(1).await, (json!("measured"), None));
+    train(&it, "old", training.clone()).await;
+    let (level, detail) = kept(2).await;
+    assert_eq!(level, "measured");
+    assert!(detail.unwrap().contains("version 1"));
+    // An extension, too.
+    train(&it, "old", json!({"extend": 2, "readings_per_object": 40})).await;
+    assert!(kept(3).await.1.unwrap().contains("version 2"));
+    // The request decides, and then nothing is to be said.
+    train(&it, "old", with("data_sheet")).await;
+    assert_eq!(kept(4).await, (json!("data_sheet"), None));
+    train(&it, "old", training).await;
+    assert_eq!(kept(5).await, (json!("data_sheet"), None));
 }

@@ -12,6 +12,7 @@ mod checkpoints;
 mod commissioning;
 mod compute;
 mod contacts;
+mod contradictions;
 mod coupling;
 mod door;
 mod fleet;

@@ -111,7 +111,7 @@ pub(crate) fn is_labelled(line: &str) -> bool {
     ["6f", "6a", "63"].iter().any(|space| line.starts_with(space))
 }
 
-/// Sensors (`s`) are written with schema 4 today.
+/// Sensors (`s`) are written with schema 5 today.
 pub(crate) fn is_sensor(line: &str) -> bool {
     line.starts_with("73")
 }
@@ -250,7 +250,7 @@ pub(crate) fn thawed(golden: &str) -> Database {
 #[test]
 fn frozen_bytes_are_read() {
     let database = thawed(GOLDEN);
-    assert_eq!(database.sensors().all().unwrap(), [samples::sensor(10)]);
+    assert_eq!(database.sensors().all().unwrap(), [samples::sheet(samples::sensor(10))]);
     assert_eq!(database.objects().all().unwrap(), [samples::object(20)]);
     assert_eq!(database.jobs().all().unwrap(), [samples::job(40)]);
     assert_eq!(database.sessions().all().unwrap(), [samples::session(50)]);

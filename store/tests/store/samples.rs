@@ -57,6 +57,11 @@ pub(crate) fn listed_sensor(id: u128) -> Sensor {
     Sensor { preset: None, description, ..sensor(id) }
 }
 
+/// The sensor as records older than schema 5 are read.
+pub(crate) fn sheet(sensor: Sensor) -> Sensor {
+    Sensor { knowledge: SensorKnowledge::DataSheet, ..sensor }
+}
+
 /// A sensor whose coupling, knowledge and ranges all differ from the defaults.
 pub(crate) fn coupled_sensor(id: u128) -> Sensor {
     let coupling = Coupling {

@@ -14,6 +14,7 @@ export function TrainDialog({ objects, onClose }: { objects: ObjectInfo[]; onClo
   const [readings, setReadings] = useState(1000);
   const [ofSurface, setOfSurface] = useState(2400);
   const [seed, setSeed] = useState(1);
+  const [knowledge, setKnowledge] = useState<"" | NonNullable<StartTraining["sensor_knowledge"]>>("");
   const [appearance, setAppearance] = useState(true);
   const [geometry, setGeometry] = useState<"none" | "planar" | "solid">("none");
   const [activate, setActivate] = useState(true);
@@ -27,6 +28,7 @@ export function TrainDialog({ objects, onClose }: { objects: ObjectInfo[]; onClo
         surface_readings_per_object: ofSurface,
         seed,
         activate,
+        ...(knowledge === "" ? {} : { sensor_knowledge: knowledge }),
         ...(appearance ? { appearance: {} } : {}),
         ...(geometry === "none" ? {} : { geometric: { kind: geometry } }),
       };
@@ -65,6 +67,16 @@ export function TrainDialog({ objects, onClose }: { objects: ObjectInfo[]; onClo
               onInput={(event) => setOfSurface(event.currentTarget.valueAsNumber)} />
             <span class="hint">More recognise better, and take longer to press.</span>
           </div>
+        </div>
+        <div class="field">
+          <label for="train-knowledge">Trust in the sensor’s description</label>
+          <select id="train-knowledge" value={knowledge} onChange={(event) => setKnowledge(event.currentTarget.value as typeof knowledge)}>
+            <option value="">as the version before, else as the sensor states</option>
+            <option value="data_sheet">data sheet</option>
+            <option value="measured">measured or simulated exactly as described</option>
+            <option value="unknown">unknown but for its grid</option>
+          </select>
+          <span class="hint">Decides how meshes are pressed. If in doubt, data sheet.</span>
         </div>
         <ObjectChoice objects={objects} chosen={chosen} onChange={setChosen} />
         <fieldset>

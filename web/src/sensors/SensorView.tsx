@@ -108,11 +108,11 @@ function margin(description: Sensor["description"]): string {
 function knowledge(sensor: Sensor): string {
   switch (sensor.sensor_knowledge) {
     case "measured":
-      return "measured: meshes are pressed exactly as described";
+      return "measured: meshes are pressed exactly as described, which is right only for a measured or simulated sensor";
     case "unknown":
       return "unknown: meshes are pressed with quite different sensors of this grid";
     default:
-      return "data sheet: meshes are pressed with all sensors that it may stand for";
+      return "data sheet: meshes are pressed with all sensors that it may stand for; commission the sensor to know yours";
   }
 }
 

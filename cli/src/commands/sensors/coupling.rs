@@ -12,7 +12,7 @@ use crate::{knowledge, output, robot};
 /// Options of `palpate sensors add`; each overrides the preset or the description.
 #[derive(Debug, Args)]
 pub(super) struct CouplingArgs {
-    /// Trust in the description [default: that of the preset, or data_sheet].
+    /// Trust in the description [default: data_sheet].
     #[arg(long, value_enum)]
     knowledge: Option<SensorKnowledge>,
     /// Shape of the lateral spread of a press.

@@ -118,4 +118,10 @@ fn missing_presses_are_refused_by_taxel() {
     assert_eq!(fit(&wrong), ResponseError::Taxel { press: 1, taxel: 9, n_taxels: 9 });
     let numb = presses(|_| 0.0, |taxel| taxel);
     assert_eq!(fit(&numb), ResponseError::Silent { usable: 0, n_taxels: 9 });
+    let n_presses = all.len();
+    let mut others = all.clone();
+    others.iter_mut().flat_map(|press| press.pressures.iter_mut()).for_each(|p| *p = Some(3e4));
+    assert_eq!(fit(&others), ResponseError::Saturated { n_saturated: n_presses, n_presses });
+    others.iter_mut().flat_map(|press| press.pressures.iter_mut()).for_each(|p| *p = Some(-3e4));
+    assert_eq!(fit(&others), ResponseError::Negative { n_negative: n_presses, n_presses });
 }

@@ -3,7 +3,7 @@
 use palpate_recogniser::train::mesh_touches;
 use palpate_schemas::{SensorKnowledge, StartTraining};
 use palpate_store::catalogue::{Manifest, VersionObject};
-use palpate_store::entity::Object;
+use palpate_store::entity::{Object, Sensor};
 use palpate_store::error::StoreError;
 
 use super::Jobs;
@@ -11,6 +11,7 @@ use super::error::JobError;
 use crate::cause::Cause;
 use crate::services::training::{AppearancePlan, Base, Plan, TrainingFailure};
 use crate::wire as convert;
+use crate::wire::training::VersionParameters;
 
 impl Jobs {
     /// A request with every default filled in and every name looked up.
@@ -43,13 +44,35 @@ impl Jobs {
             );
             return Err(Cause::field("/sensor_knowledge", detail).into());
         }
-        let stated = convert::coupling::knowledge(sensor.knowledge);
+        let kept = self.kept(catalogue, &sensor)?.map(|(_, level)| level);
+        let stated = kept.unwrap_or(convert::coupling::knowledge(sensor.knowledge));
         let by_default = passport.map_or(stated, |_| SensorKnowledge::Commissioned);
         training.sensor_knowledge = Some(training.sensor_knowledge.unwrap_or(by_default));
         let known = base.map_or(Vec::new(), |(manifest, _)| manifest.objects);
         let objects = self.objects_of(&training, &known)?;
         training.objects = Some(objects.iter().map(|object| object.id.to_string()).collect());
         Ok(training)
+    }
+
+    /// The current version whose meshes the sensor pressed, and its level of knowledge, which a
+    /// training anew keeps unless it states its own or there is a passport.
+    fn kept(
+        &self,
+        catalogue: &str,
+        sensor: &Sensor,
+    ) -> Result<Option<(u32, SensorKnowledge)>, Cause> {
+        let Some((version, known)) = self.catalogues.current_of(catalogue)? else {
+            return Ok(None);
+        };
+        let VersionParameters { training, report, .. } = known;
+        let pressed = match (report.sensor_knowledge, training.sensor_knowledge) {
+            // Trained before there was a choice.
+            (None, None) => Some(SensorKnowledge::Measured),
+            (pressed, _) => pressed,
+        };
+        let is_same = training.sensor.is_some_and(|id| id == sensor.id.to_string());
+        let level = pressed.filter(|level| is_same && *level != SensorKnowledge::Commissioned);
+        Ok(level.map(|level| (version, level)))
     }
 
     /// The version to extend, and its training parameters.
@@ -87,6 +110,15 @@ impl Jobs {
         });
         let knowledge = convert::training::stated_knowledge(training);
         let sensor = self.sensors.get(training.sensor.as_deref().unwrap_or_default())?;
+        let of_sensor = convert::coupling::knowledge(sensor.knowledge);
+        let before = match training.extend {
+            Some(version) => Some((version, knowledge)),
+            None => self.kept(catalogue, &sensor)?,
+        };
+        let kept_from = before
+            .filter(|(_, level)| *level == knowledge && knowledge != of_sensor)
+            .filter(|(_, level)| *level != SensorKnowledge::Commissioned)
+            .map(|(version, _)| version);
         let sensor = match knowledge {
             SensorKnowledge::Commissioned => self.sensors.known().interpreted(sensor)?,
             SensorKnowledge::Measured | SensorKnowledge::DataSheet | SensorKnowledge::Unknown => {
@@ -100,6 +132,7 @@ impl Jobs {
             objects: objects?,
             sensor,
             knowledge,
+            kept_from,
             readings_per_object,
             surface_readings_per_object,
             seed: training.seed.unwrap_or(1),

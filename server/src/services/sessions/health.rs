@@ -119,7 +119,7 @@ impl Sessions {
         }
         let live = self.live(session.id).await?;
         let place = self.place().await?;
-        let answer = live.concluded(place).await?;
+        let answer = live.concluded(place).await?.answer;
         let truth = options.truth.map(|truth| {
             truth.object.and_then(|id| live.model().objects.iter().position(|it| it.id == id))
         });

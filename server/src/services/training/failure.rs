@@ -80,8 +80,8 @@ pub(crate) enum TrainingFailure {
     AppearanceVocabulary(#[from] AppearanceTrainError),
     #[error(transparent)]
     Vocabulary(#[from] SvaTrainError),
-    #[error(transparent)]
-    Space(#[from] TrainingError),
+    #[error("{source} ({n_touches} readings touched anything)")]
+    Space { n_touches: usize, source: TrainingError },
     #[error(transparent)]
     Maps(#[from] GeometricTrainError),
     #[error(transparent)]
@@ -146,7 +146,7 @@ impl TrainingFailure {
             | Self::Shadow(_)
             | Self::AppearanceVocabulary(_)
             | Self::Vocabulary(_)
-            | Self::Space(_)
+            | Self::Space { .. }
             | Self::Maps(_)
             | Self::Catalogue(_)
             | Self::Cause(_) => None,

@@ -11,6 +11,7 @@ use palpate_core::training::TrainingSet;
 use palpate_recogniser::belief::calibrate::READINGS;
 use palpate_recogniser::belief::hold_out;
 use palpate_schemas::JobStage;
+use palpate_sim::form::Form;
 use palpate_sim::kept::Cause;
 use palpate_sim::mesh::Mesh;
 use palpate_sim::press::PressSimulator;
@@ -48,6 +49,8 @@ pub(super) struct Material {
     /// Vertical presses of a mesh for a planar map; otherwise maps of contact are trained
     /// from the readings.
     planar: Option<Vec<Reading>>,
+    /// Form of the touched mesh.
+    pub(super) form: Option<Form>,
 }
 
 impl Material {
@@ -149,6 +152,7 @@ pub(super) fn own_readings(
         symmetry: None,
         held_back: None,
         planar: None,
+        form: None,
     }))
 }
 
@@ -181,7 +185,7 @@ fn touch(
     progress: &Progress<'_>,
 ) -> Result<Material, TrainingFailure> {
     let mesh = mesh(object.id, sources, &|| object.name.clone())?;
-    let (origin, size) = (mesh.centroid(), mesh.largest_dimension());
+    let (origin, size, form) = (mesh.centroid(), mesh.largest_dimension(), Some(Form::of(&mesh)));
     let symmetry = plan.surface.then(|| symmetry::of_mesh(&mesh).seen_from(origin));
     let simulator = PressSimulator::new(mesh, plan.sensor.description.clone());
     let planar = geometry::planar_presses(plan, index, object, &simulator)?;
@@ -241,6 +245,7 @@ fn touch(
         symmetry,
         held_back,
         planar,
+        form,
     })
 }
 

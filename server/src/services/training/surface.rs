@@ -69,7 +69,11 @@ pub(super) fn learn(
     let base = plan.base.as_ref().map(|base| base.model.surface()).transpose()?;
     let space = match base {
         Some(known) => known.space.clone(),
-        None => learn_space(&sets, plan.seed)?,
+        None => learn_space(&sets, plan.seed).map_err(|source| {
+            // Those held out for the calibration, too.
+            let n_touches = materials.iter().map(|material| material.touched.n_touches).sum();
+            TrainingFailure::Space { n_touches, source }
+        })?,
     };
     let (new, decided): (Vec<_>, Vec<_>) =
         map_all(materials, &sets, maps, &space, &config, progress)?.into_iter().unzip();

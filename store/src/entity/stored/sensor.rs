@@ -179,7 +179,7 @@ impl RangesV1 {
 
 impl Record for Sensor {
     const KIND: Kind = Kind::Sensor;
-    const SCHEMA: u16 = 4;
+    const SCHEMA: u16 = 5;
 
     fn to_payload(&self) -> Vec<u8> {
         let coupling = CouplingV1::of(&self.description.parameters().coupling);
@@ -195,22 +195,42 @@ impl Record for Sensor {
         Ok(Self { labels, ..known.sensor()? })
     }
 
-    /// Presets of schema 1 describe the simulator; other sensors were described by their owners.
     fn from_older(schema: u16, payload: &[u8]) -> Result<Self, RecordError> {
-        match schema {
+        let sensor = match schema {
             1 => {
-                let known: SensorRecordV1 = read(payload)?;
-                let knowledge = match known.preset {
-                    Some(_) => SensorKnowledge::Measured,
-                    None => SensorKnowledge::DataSheet,
-                };
-                known.sensor(Coupling::default(), knowledge, StatedRanges::default(), None)
+                let (known, knowledge): (SensorRecordV1, _) = (read(payload)?, Default::default());
+                known.sensor(Coupling::default(), knowledge, StatedRanges::default(), None)?
             }
-            2 => read::<SensorRecordV2>(payload)?.sensor(None),
-            3 => read::<SensorRecordV3>(payload)?.sensor(),
-            found => Err(RecordError::Schema { found, known: Self::SCHEMA }),
-        }
+            2 => read::<SensorRecordV2>(payload)?.sensor(None)?,
+            3 => read::<SensorRecordV3>(payload)?.sensor()?,
+            4 => {
+                let SensorRecordV4 { known, labels } = read(payload)?;
+                Self { labels, ..known.sensor()? }
+            }
+            found => return Err(RecordError::Schema { found, known: Self::SCHEMA }),
+        };
+        Ok(as_data_sheet(sensor))
     }
+}
+
+/// A sensor of schemas 1 to 4. Presets of simulated sensors then were `measured` unless their
+/// owner said otherwise, and the record does not say who said it.
+fn as_data_sheet(sensor: Sensor) -> Sensor {
+    const SIMULATED: [&str; 6] = [
+        "digitacts-6x6",
+        "digitacts-6x6-thin",
+        "digitacts-6x8",
+        "fingertip-14x14",
+        "tekscan-26x26",
+        "fingertip-curved-24",
+    ];
+    let by_default = sensor.preset.as_ref().is_some_and(|name| SIMULATED.contains(&name.as_str()));
+    let knowledge = if by_default && sensor.knowledge == SensorKnowledge::Measured {
+        SensorKnowledge::DataSheet
+    } else {
+        sensor.knowledge
+    };
+    Sensor { knowledge, ..sensor }
 }
 
 impl SensorRecordV3 {
