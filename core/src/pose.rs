@@ -9,7 +9,7 @@ use std::ops::Mul;
 use glam::{DQuat, DVec3};
 use thiserror::Error;
 
-use crate::units::Shown;
+use crate::units::Beyond;
 
 /// Tolerance of a given quaternion's norm about 1; it is then normalised.
 pub const QUATERNION_NORM_TOLERANCE: f64 = 1e-2;
@@ -45,7 +45,7 @@ pub enum PoseError {
     /// The norm of the quaternion is not 1.
     #[error(
         "quaternion has norm {}, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
-        Shown(*norm)
+        Beyond(*norm, [1.0])
     )]
     Norm {
         /// The given norm.

@@ -17,22 +17,53 @@ pub const INCH: f64 = 25.4 * MM;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shown(pub f64);
 
+/// A number beyond one of these limits, in its refusal: as [`Shown`], with as many more digits as
+/// distinguish it from the limits as those are shown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Beyond<const N: usize>(pub f64, pub [f64; N]);
+
+/// Significant digits of a number in a message.
+const DIGITS: usize = 6;
+
 impl std::fmt::Display for Shown {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let size = self.0.abs();
-        if size == 0.0 || !size.is_finite() {
-            return write!(f, "{}", self.0);
-        }
-        // Five digits after the first; the shortest form of the rounded number.
-        let scientific = format!("{:.5e}", self.0);
-        let rounded: f64 = scientific.parse().unwrap_or(self.0);
-        if (1e-4..1e7).contains(&size) { write!(f, "{rounded}") } else { write!(f, "{rounded:e}") }
+        write_number(f, rounded(self.0, DIGITS))
     }
+}
+
+impl<const N: usize> std::fmt::Display for Beyond<N> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let limits = self.1.map(|limit| rounded(limit, DIGITS).to_bits());
+        let mut forms = (DIGITS..17).map(|digits| rounded(self.0, digits));
+        write_number(f, forms.find(|form| !limits.contains(&form.to_bits())).unwrap_or(self.0))
+    }
+}
+
+fn rounded(value: f64, digits: usize) -> f64 {
+    let scientific = format!("{value:.*e}", digits - 1);
+    scientific.parse().unwrap_or(value)
+}
+
+/// Writes the shortest form that is read as this number.
+fn write_number(f: &mut std::fmt::Formatter<'_>, value: f64) -> std::fmt::Result {
+    let size = value.abs();
+    let is_plain = size == 0.0 || !size.is_finite() || (1e-4..1e7).contains(&size);
+    if is_plain { write!(f, "{value}") } else { write!(f, "{value:e}") }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_refused_number_differs_from_the_limit_it_broke() {
+        let shown = |value: f64, limit: f64| Beyond(value, [0.0, limit]).to_string();
+        assert_eq!(shown(1.000_000_1, 1.0), "1.0000001");
+        assert_eq!(shown(f64::next_up(0.5), 0.5), "0.5000000000000001");
+        let pi = std::f64::consts::PI;
+        assert_eq!(shown(f64::next_up(pi), pi), "3.1415927");
+        assert_eq!((shown(1e308, 1.0), shown(-1e-300, 1.0)), ("1e308".into(), "-1e-300".into()));
+    }
 
     #[test]
     fn numbers_in_messages_have_at_most_six_digits() {

@@ -47,6 +47,7 @@ pub struct ResponsePress {
     #[schema(example = 0.0004)]
     pub depth: f64,
     /// The image in pascal, as the driver sends it; null for a taxel without a value.
+    #[schema(max_items = 16_384)]
     pub pressures: Vec<Option<f64>>,
 }
 
@@ -80,6 +81,7 @@ pub struct SpreadPress {
     #[schema(example = 0.00127)]
     pub depth: f64,
     /// The image in pascal, as the driver sends it; null for a taxel without a value.
+    #[schema(max_items = 16_384)]
     pub pressures: Vec<Option<f64>>,
 }
 

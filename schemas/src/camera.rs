@@ -16,7 +16,8 @@ pub struct StatedPose {
     pub object: Option<String>,
     /// Mean pose of the object's frame in the session frame, as `pose` of a belief states it.
     pub pose: Pose,
-    /// Standard deviations along each axis and about each axis of the session frame.
+    /// Standard deviations along each axis and about each axis of the session frame, at least
+    /// 0.00001 m and 0.0001 rad.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub deviation: Option<Looseness>,
     /// 6 × 6 covariance, row-major, in the order of ROS and of a belief's `covariance`: x, y, z in

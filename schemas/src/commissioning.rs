@@ -46,7 +46,7 @@ impl ReferenceBodyName {
 pub struct CommissionSensor {
     /// Id or name of the touched object, which has a mesh.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(example = "mug")]
+    #[schema(max_length = 64, example = "mug")]
     pub object: Option<String>,
     /// The touched reference body, in the frame of its mesh.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -74,6 +74,7 @@ pub struct CommissionSensor {
 #[serde(deny_unknown_fields)]
 pub struct CommissioningReading {
     /// The image as the driver sends it; null for a taxel without a value.
+    #[schema(max_items = 16_384)]
     pub image: Vec<Option<f64>>,
     /// The pose as the driver sends it; the quaternion has norm 1.
     pub pose: Pose,

@@ -43,6 +43,7 @@ pub struct Check {
 
 /// Name and version of the server.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[schema(as = ServerVersion)]
 pub struct Version {
     /// Name of the service: `palpate`.
     pub name: String,

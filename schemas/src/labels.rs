@@ -3,11 +3,36 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use utoipa::{IntoParams, ToSchema};
+use utoipa::openapi::RefOr;
+use utoipa::openapi::schema::{ObjectBuilder, Schema, Type};
+use utoipa::{IntoParams, PartialSchema, ToSchema};
 
 /// Keys and their values: at most 16. A key is 1 to 64 letters, digits, `.`, `_`, `/` or `-`, a value
 /// at most 128 characters without a comma.
 pub type Labels = BTreeMap<String, String>;
+
+/// The schema of [`Labels`], under their name instead of their Rust type's.
+#[derive(Debug)]
+pub struct LabelsSchema;
+
+impl PartialSchema for LabelsSchema {
+    fn schema() -> RefOr<Schema> {
+        let text = |max| ObjectBuilder::new().schema_type(Type::String).max_length(Some(max));
+        let map = ObjectBuilder::new()
+            .property_names(Some(text(64).build()))
+            .additional_properties(Some(text(128)))
+            .max_properties(Some(16))
+            .description(Some("Keys and their values, by which things are found."))
+            .build();
+        Schema::Object(map).into()
+    }
+}
+
+impl ToSchema for LabelsSchema {
+    fn name() -> std::borrow::Cow<'static, str> {
+        "Labels".into()
+    }
+}
 
 /// New labels, which replace all earlier ones.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
@@ -15,7 +40,7 @@ pub type Labels = BTreeMap<String, String>;
 pub struct SetLabels {
     /// Keys and their values: at most 16. A key is 1 to 64 letters, digits, `.`, `_`, `/` or `-`, a
     /// value at most 128 characters without a comma.
-    #[schema(example = json!({"site": "oslo", "shift": "night"}))]
+    #[schema(value_type = LabelsSchema, example = json!({"site": "oslo", "shift": "night"}))]
     pub labels: Labels,
 }
 

@@ -6,6 +6,7 @@ use uuid::Uuid;
 
 /// The servers that divide the objects of catalogues among them.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[schema(as = MemberServers)]
 pub struct Members {
     /// Number of servers that hold each object; null if this server holds whole catalogues.
     pub copies: Option<u32>,

@@ -5,7 +5,7 @@ use utoipa::{IntoParams, ToSchema};
 use uuid::Uuid;
 
 use crate::access::Writer;
-use crate::labels::Labels;
+use crate::labels::{Labels, LabelsSchema};
 use crate::pose::Pose;
 use crate::reading::{Reading, Stamp};
 use crate::warning::Warning;
@@ -21,6 +21,7 @@ pub struct ObjectInfo {
     pub description: String,
     /// Its labels.
     #[serde(default)]
+    #[schema(value_type = LabelsSchema)]
     pub labels: Labels,
     /// The uploaded mesh, if any.
     pub mesh: Option<MeshInfo>,
@@ -56,6 +57,7 @@ pub struct CreateObject {
     pub description: String,
     /// Labels for searches: at most 16, as `PUT …/labels` describes them.
     #[serde(default, skip_serializing_if = "Labels::is_empty")]
+    #[schema(value_type = LabelsSchema)]
     pub labels: Labels,
 }
 

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
+use utoipa::openapi::schema::{Array, ArrayBuilder, ObjectBuilder, SchemaType, Type};
 
 use crate::pose::Pose;
 
@@ -21,7 +22,7 @@ pub struct Reading {
     #[schema(minimum = 0, maximum = 9_007_199_254_740_991_u64, example = 17)]
     pub seq: Option<u64>,
     /// Id or unique name of the sensor.
-    #[schema(example = "digitacts-6x6")]
+    #[schema(max_length = 64, example = "digitacts-6x6")]
     pub sensor: String,
     /// Frame of the pose; if given, it must be the session's. Empty is none, and a leading slash is
     /// left out, as ROS writes them.
@@ -54,7 +55,7 @@ pub struct Reading {
     /// +y, in the order of the image; `null` marks a taxel without a value. It is stored and
     /// returned with the reading. No method uses it yet, and the answer warns.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(max_items = 16_384)]
+    #[schema(schema_with = shears)]
     pub shear: Option<Vec<Option<[f64; 2]>>>,
     /// The client's own feature of the press, such as a learned code: 1 to 4096 numbers within
     /// ±10⁹. Only for catalogues whose appearance is trained from `features`. All readings of a
@@ -84,26 +85,46 @@ pub struct Contact {
     #[schema(default = true)]
     pub touched: bool,
     /// Position of the contact in the session frame, in metres: x, y, z.
-    #[schema(example = json!([0.412, -0.085, 0.163]))]
+    #[schema(value_type = Vec<f64>, min_items = 3, max_items = 3,
+        example = json!([0.412, -0.085, 0.163]))]
     pub position: [f64; 3],
     /// Standard deviation of the position in each direction, in metres, at most 0.1: of the sensor
     /// and of the arm's pose together. A bumper may know 0.02, a taxel half its width.
-    #[schema(exclusive_minimum = 0.0, maximum = 0.1, example = 0.002)]
+    #[schema(minimum = 1e-9, maximum = 0.1, example = 0.002)]
     pub position_deviation_m: f64,
     /// Outward normal of the touched surface in the session frame, a unit vector x, y, z: against
     /// the direction of the push. Leave it out if it is unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(example = json!([0.0, 0.0, 1.0]))]
+    #[schema(value_type = Option<Vec<f64>>, min_items = 3, max_items = 3,
+        example = json!([0.0, 0.0, 1.0]))]
     pub normal: Option<[f64; 3]>,
     /// Standard deviation of the normal about either axis, in radians, at most 1. Given with
     /// `normal`, and only then.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(exclusive_minimum = 0.0, maximum = 1.0, example = 0.2)]
+    #[schema(minimum = 1e-9, maximum = 1.0, example = 0.2)]
     pub normal_deviation_rad: Option<f64>,
     /// Normal force in newton, 0 to 100,000. It is stored and returned; no method uses it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 0.0, maximum = 100_000.0, example = 2.5)]
     pub force_n: Option<f64>,
+}
+
+/// The list of shears: the derive bounds the outer list alone.
+fn shears() -> Array {
+    let or_null = |one| SchemaType::Array(vec![one, Type::Null]);
+    let number = ObjectBuilder::new().schema_type(Type::Number);
+    let pair = ArrayBuilder::new().schema_type(or_null(Type::Array)).items(number);
+    let pair = pair.min_items(Some(2)).max_items(Some(2));
+    ArrayBuilder::new()
+        .schema_type(or_null(Type::Array))
+        .items(pair)
+        .max_items(Some(16_384))
+        .description(Some(
+            "Shear of three-axis taxels in pascal: two values for each taxel, along the sensor's \
+             +x and +y, in the order of the image; `null` marks a taxel without a value. It is \
+             stored and returned with the reading. No method uses it yet, and the answer warns.",
+        ))
+        .build()
 }
 
 /// A contact touches unless it says otherwise.
@@ -115,11 +136,11 @@ fn touched() -> bool {
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Looseness {
-    /// Standard deviation in each direction, in metres, at most 0.1.
-    #[schema(exclusive_minimum = 0.0, maximum = 0.1, example = 0.003)]
+    /// Standard deviation in each direction, in metres, 1e-9 to 0.1.
+    #[schema(minimum = 1e-9, maximum = 0.1, example = 0.003)]
     pub position_m: f64,
-    /// Standard deviation about each axis, in radians, at most 1.
-    #[schema(exclusive_minimum = 0.0, maximum = 1.0, example = 0.05)]
+    /// Standard deviation about each axis, in radians, 1e-9 to 1.
+    #[schema(minimum = 1e-9, maximum = 1.0, example = 0.05)]
     pub angle_rad: f64,
 }
 

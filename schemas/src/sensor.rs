@@ -5,7 +5,7 @@ use utoipa::ToSchema;
 use uuid::Uuid;
 
 use crate::coupling::{Coupling, SensorKnowledge, SensorRanges};
-use crate::labels::Labels;
+use crate::labels::{Labels, LabelsSchema};
 use crate::layout::{Layout, Taxel};
 use crate::pose::Point;
 use crate::warning::Warning;
@@ -21,6 +21,7 @@ pub struct Sensor {
     pub preset: Option<String>,
     /// Its labels.
     #[serde(default)]
+    #[schema(value_type = LabelsSchema)]
     pub labels: Labels,
     /// Geometry and response. Immutable, because stored readings rely on it.
     pub description: SensorDescription,
@@ -76,6 +77,7 @@ pub struct CreateSensor {
     pub sensor_knowledge: Option<SensorKnowledge>,
     /// Labels for searches: at most 16, as `PUT …/labels` describes them.
     #[serde(default, skip_serializing_if = "Labels::is_empty")]
+    #[schema(value_type = LabelsSchema)]
     pub labels: Labels,
 }
 

@@ -8,7 +8,7 @@ use crate::access::Writer;
 use crate::belief::Belief;
 use crate::geometry::PosePrior;
 use crate::history::TracePoint;
-use crate::labels::Labels;
+use crate::labels::{Labels, LabelsSchema};
 use crate::method::Method;
 use crate::pose::Pose;
 use crate::reading::{Looseness, Reading};
@@ -93,6 +93,7 @@ pub struct CreateSession {
     pub ttl_s: Option<u32>,
     /// Labels for searches: at most 16, as `PUT …/labels` describes them.
     #[serde(default, skip_serializing_if = "Labels::is_empty")]
+    #[schema(value_type = LabelsSchema)]
     pub labels: Labels,
 }
 
@@ -164,6 +165,7 @@ pub struct RobotBase {
 #[serde(deny_unknown_fields)]
 pub struct PriorEntry {
     /// The object's id or name.
+    #[schema(max_length = 64)]
     pub object: String,
     /// Probability of the object, 0 to 1; at most 1 over all entries.
     #[schema(minimum = 0.0, maximum = 1.0)]
@@ -248,6 +250,7 @@ pub struct Session {
     pub touched_by: Vec<String>,
     /// Its labels.
     #[serde(default)]
+    #[schema(value_type = LabelsSchema)]
     pub labels: Labels,
     /// Name of the cell that forwards the session; null if robots use it on this server.
     #[serde(default)]

@@ -11,7 +11,7 @@ use crate::belief::UncalibratedReason;
 use crate::coupling::SensorKnowledge;
 use crate::descriptor::Descriptor;
 use crate::geometry::{GeometricReport, GeometricTraining, VersionReference};
-use crate::labels::Labels;
+use crate::labels::{Labels, LabelsSchema};
 use crate::recalibration::RecalibrationReport;
 use crate::symmetry::{SymmetryAxis, SymmetryBy};
 use crate::warning::Warning;
@@ -30,6 +30,7 @@ pub struct Catalogue {
     pub aliases: BTreeMap<String, u32>,
     /// Its labels.
     #[serde(default)]
+    #[schema(value_type = LabelsSchema)]
     pub labels: Labels,
     /// Past and present current versions, newest first; at most 100 entries.
     pub history: Vec<CurrentVersion>,

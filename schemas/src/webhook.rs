@@ -91,7 +91,7 @@ pub struct CreateWebhook {
     /// Key of the signatures: `whsec_` and 16 to 64 random bytes in base64. Default: one that the
     /// server draws.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(pattern = "^whsec_[A-Za-z0-9+/]{22,86}={0,2}$")]
+    #[schema(max_length = 94, pattern = "^whsec_[A-Za-z0-9+/]{22,86}={0,2}$")]
     pub secret: Option<String>,
     /// Whether events are sent. Default: true.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -134,7 +134,7 @@ pub struct UpdateWebhook {
 pub struct RotateWebhookSecret {
     /// The new secret, as in `CreateWebhook`. Default: one that the server draws.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(pattern = "^whsec_[A-Za-z0-9+/]{22,86}={0,2}$")]
+    #[schema(max_length = 94, pattern = "^whsec_[A-Za-z0-9+/]{22,86}={0,2}$")]
     pub secret: Option<String>,
     /// Seconds for which the previous secret signs as well, 0 to 2,592,000 (30 days). Default: 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]

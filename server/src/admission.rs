@@ -2,12 +2,12 @@
 //! answer's last.
 //!
 //! Each of five budgets has a total and a share for each client: bytes of bodies that have
-//! arrived, requests under way, event streams, snapshots, and bytes of unread answers. A body
+//! arrived and of the values that they become, requests under way, event streams, snapshots, and bytes of unread answers. A body
 //! arrives before its request takes a slot, so an announced body holds nothing. A client over
 //! a limit is asked to retry later. Health checks and metrics are always answered: an
 //! overloaded server must not look dead.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use palpate_store::engine::EngineError;
 use palpate_store::sled::CUTS_MAX;
@@ -91,6 +91,34 @@ impl Admission {
             Over::Total => LoadError::RequestsFull { under_way: self.requests.total() },
             Over::Share => share("concurrency", "concurrent-requests", &self.requests),
         })
+    }
+}
+
+/// The memory of a request's body, as it came and as values: an extension of the request.
+#[derive(Clone, Debug)]
+pub(crate) struct Room {
+    bodies: Arc<Budget>,
+    held: Arc<Mutex<Holding>>,
+}
+
+impl Room {
+    /// Room for a body of which nothing has come.
+    pub(crate) fn new(bodies: &Arc<Budget>, client: Option<Client>) -> Result<Self, LoadError> {
+        let held = bodies.take(client, 0).map_err(|over| full(bodies, over))?;
+        Ok(Self { bodies: Arc::clone(bodies), held: Arc::new(Mutex::new(held)) })
+    }
+
+    /// Grows the room to at least `bytes`.
+    pub(crate) fn grow_to(&self, bytes: usize) -> Result<(), LoadError> {
+        let mut held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
+        held.grow_to(bytes).map_err(|over| full(&self.bodies, over))
+    }
+}
+
+fn full(bodies: &Budget, over: Over) -> LoadError {
+    match over {
+        Over::Total => LoadError::BodiesFull { used: bodies.used(), max: bodies.total() },
+        Over::Share => share("bodies", "content-bytes", bodies),
     }
 }
 

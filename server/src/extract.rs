@@ -4,7 +4,9 @@
 
 mod msgpack;
 mod plain;
+mod shape;
 
+use std::cell::Cell;
 use std::error::Error as _;
 
 use axum::body::{Bytes, HttpBody};
@@ -13,10 +15,13 @@ use axum::extract::{FromRequest, FromRequestParts, Path, Query, Request};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderName, header};
 use palpate_schemas::FieldError;
-use serde::de::DeserializeOwned;
+use serde::Deserializer;
+use serde::de::{DeserializeOwned, DeserializeSeed as _};
 use serde_json::error::Category;
 use serde_path_to_error::Segment;
+use utoipa::ToSchema;
 
+use crate::admission::Room;
 use crate::app::App;
 use crate::cause::Cause;
 use crate::refusal::{Refusal, RequestError};
@@ -24,6 +29,10 @@ pub(crate) use msgpack::parse as parse_msgpack;
 
 /// Length in bytes above which bodies are parsed on the compute pool: 1 ms is about 100 kB.
 const PARSE_HERE_MAX: usize = 100_000;
+
+/// Maximum memory of a parsed body, in bytes. Chosen: the longest body of numbers as robots write
+/// them, at four bytes a number, becomes this.
+const MEMORY_MAX: usize = 128 << 20;
 
 /// A JSON body.
 pub(crate) struct JsonBody<T>(pub(crate) T);
@@ -40,54 +49,59 @@ pub(crate) struct Params<T>(pub(crate) T);
 /// The segments of the path: an id or a name, or a tuple of them.
 pub(crate) struct Segments<T = String>(pub(crate) T);
 
+/// A type of bodies.
+pub(crate) trait Parsed: DeserializeOwned + ToSchema + Send + 'static {}
+
+impl<T: DeserializeOwned + ToSchema + Send + 'static> Parsed for T {}
+
+/// Asks for the memory that a body will take, before it takes any.
+pub(crate) type Admit<'a> = &'a dyn Fn(usize) -> Result<(), Refusal>;
+
 /// A mesh file: its content type and bytes.
 pub(crate) struct MeshBody {
     pub(crate) content_type: String,
     pub(crate) bytes: Bytes,
 }
 
-impl<T: DeserializeOwned + Send + 'static> FromRequest<App> for JsonBody<T> {
+impl<T: Parsed> FromRequest<App> for JsonBody<T> {
     type Rejection = Refusal;
 
     async fn from_request(request: Request, app: &App) -> Result<Self, Refusal> {
-        let found = content_type(request.headers());
-        if !is_json(&found) {
-            return Err(RequestError::ContentType { found, expected: "application/json" }.into());
+        let body = Body::of(request, app).await?;
+        if !is_json(&body.content_type) {
+            return Err(body.content_type_refused("application/json"));
         }
-        parsed(request, app, parse).await.map(Self)
+        body.parsed(app, parse).await.map(Self)
     }
 }
 
-impl<T: DeserializeOwned + Default + Send + 'static> FromRequest<App> for OptionalBody<T> {
+impl<T: Parsed + Default> FromRequest<App> for OptionalBody<T> {
     type Rejection = Refusal;
 
     async fn from_request(request: Request, app: &App) -> Result<Self, Refusal> {
-        let found = content_type(request.headers());
-        let config = &app.config;
-        let bytes = read(request, config.json_bytes_max).await?;
-        if bytes.is_empty() {
+        let body = Body::of(request, app).await?;
+        if body.bytes.is_empty() {
             return Ok(Self(T::default()));
         }
-        if !is_json(&found) {
-            return Err(RequestError::ContentType { found, expected: "application/json" }.into());
+        if !is_json(&body.content_type) {
+            return Err(body.content_type_refused("application/json"));
         }
-        parse(&bytes).map(Self)
+        body.parsed(app, parse).await.map(Self)
     }
 }
 
-impl<T: DeserializeOwned + Send + 'static> FromRequest<App> for ReadingsBody<T> {
+impl<T: Parsed> FromRequest<App> for ReadingsBody<T> {
     type Rejection = Refusal;
 
     async fn from_request(request: Request, app: &App) -> Result<Self, Refusal> {
-        let found = content_type(request.headers());
-        if found == msgpack::CONTENT_TYPE {
-            return parsed(request, app, msgpack::parse).await.map(Self);
+        let body = Body::of(request, app).await?;
+        if body.content_type == msgpack::CONTENT_TYPE {
+            return body.parsed(app, msgpack::parse).await.map(Self);
         }
-        if is_json(&found) {
-            return parsed(request, app, parse).await.map(Self);
+        if is_json(&body.content_type) {
+            return body.parsed(app, parse).await.map(Self);
         }
-        let expected = "application/json or application/msgpack";
-        Err(RequestError::ContentType { found, expected }.into())
+        Err(body.content_type_refused("application/json or application/msgpack"))
     }
 }
 
@@ -142,11 +156,9 @@ pub(crate) fn revision(headers: &HeaderMap, name: &HeaderName) -> Option<u64> {
 }
 
 /// Parses JSON; the error names an invalid value by a JSON pointer.
-pub(crate) fn parse<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Refusal> {
-    // Every body is an object; serde would accept the values of an array for fields in order.
-    if bytes.trim_ascii_start().starts_with(b"[") {
-        return Err(wrong_value(String::new(), "came an array, expected an object".to_owned()));
-    }
+pub(crate) fn parse<T: Parsed>(bytes: &[u8], admit: Admit<'_>) -> Result<T, Refusal> {
+    let mut first = serde_json::Deserializer::from_slice(bytes);
+    admit(weight::<T, _>(&mut first, |at, error| json_refusal(at, &error))?)?;
     let mut deserializer = serde_json::Deserializer::from_slice(bytes);
     let value = serde_path_to_error::deserialize(&mut deserializer).map_err(|error| {
         let pointer = pointer(error.path());
@@ -156,18 +168,61 @@ pub(crate) fn parse<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Refusal> {
     Ok(value)
 }
 
-/// Reads a body and parses it, a long one on the compute pool.
-async fn parsed<T: Send + 'static>(
-    request: Request,
-    app: &App,
-    parse: fn(&[u8]) -> Result<T, Refusal>,
-) -> Result<T, Refusal> {
-    let config = &app.config;
-    let bytes = read(request, config.json_bytes_max).await?;
-    if bytes.len() <= PARSE_HERE_MAX {
-        return parse(&bytes);
+/// The memory that a body will take, after a first pass over its bytes.
+fn weight<'de, T: Parsed, D: Deserializer<'de>>(
+    deserializer: D,
+    refusal: impl Fn(String, D::Error) -> Refusal,
+) -> Result<usize, Refusal> {
+    let shape = shape::of::<T>();
+    let weight = Cell::new(0);
+    let pass = shape::Pass { shape, weight: &weight, weight_max: MEMORY_MAX };
+    let mut track = serde_path_to_error::Track::new();
+    let tracked = serde_path_to_error::Deserializer::new(deserializer, &mut track);
+    match pass.deserialize(tracked) {
+        Ok(()) => Ok(weight.get()),
+        Err(_) if weight.get() > MEMORY_MAX => {
+            Err(RequestError::BodyTooHeavy { max: MEMORY_MAX }.into())
+        }
+        Err(error) => Err(refusal(pointer(&track.path()), error)),
     }
-    app.pool.place()?.run(move || parse(&bytes)).await?
+}
+
+/// A complete body, and the memory that it may take.
+struct Body {
+    content_type: String,
+    bytes: Bytes,
+    room: Option<Room>,
+}
+
+impl Body {
+    async fn of(request: Request, app: &App) -> Result<Self, Refusal> {
+        let content_type = content_type(request.headers());
+        let room = request.extensions().get().cloned();
+        let bytes = read(request, app.config.json_bytes_max).await?;
+        Ok(Self { content_type, bytes, room })
+    }
+
+    /// Parses the body, a long one on the compute pool.
+    async fn parsed<T: Send + 'static>(
+        self,
+        app: &App,
+        parse: fn(&[u8], Admit<'_>) -> Result<T, Refusal>,
+    ) -> Result<T, Refusal> {
+        let Self { bytes, room, .. } = self;
+        let length = bytes.len();
+        let admit = move |weight| match &room {
+            Some(room) => Ok(room.grow_to(length + weight)?),
+            None => Ok(()),
+        };
+        if length <= PARSE_HERE_MAX {
+            return parse(&bytes, &admit);
+        }
+        app.pool.place()?.run(move || parse(&bytes, &admit)).await?
+    }
+
+    fn content_type_refused(self, expected: &'static str) -> Refusal {
+        RequestError::ContentType { found: self.content_type, expected }.into()
+    }
 }
 
 /// Permitted values of mandatory query parameters, for requests without them.
@@ -216,7 +271,11 @@ fn pointer(path: &serde_path_to_error::Path) -> String {
     for segment in path.iter() {
         let segment = match segment {
             Segment::Seq { index } => index.to_string(),
-            Segment::Map { key } => key.replace('~', "~0").replace('/', "~1"),
+            // A key is shown as far as a name may be long.
+            Segment::Map { key } => {
+                let key: String = key.chars().take(shape::TEXT_MAX).collect();
+                key.replace('~', "~0").replace('/', "~1")
+            }
             Segment::Enum { variant } => variant.clone(),
             Segment::Unknown => continue,
         };

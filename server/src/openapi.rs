@@ -7,6 +7,7 @@
 
 #[cfg(test)]
 mod effects;
+mod events;
 mod examples;
 #[cfg(any(test, not(feature = "swagger")))]
 pub(crate) mod listing;
@@ -45,6 +46,7 @@ const KEY: &str = "An API key, `palpate_…`, if the server requires one. `x-pal
             pascals, seconds, radians. Quaternions are x, y, z, w. Errors are \
             `application/problem+json` (RFC 9457).",
         license(name = "Apache-2.0", identifier = "Apache-2.0"),
+        contact(name = "The developers of Palpate"),
     ),
     servers((url = "/", description = "This server")),
     tags(
@@ -74,12 +76,15 @@ pub fn document() -> OpenApi {
             add_roles(operation);
             add_location(operation);
             add_problems(operation, method != "GET");
+            events::describe_stream(operation);
             examples::add(path, operation);
         });
     }
+    document.webhooks = Some(events::webhooks());
     let scheme = Http::builder().scheme(HttpAuthScheme::Bearer).description(Some(KEY));
     let components = document.components.get_or_insert_default();
     unions::name_variants(&mut components.schemas);
+    unions::accept_null(&mut components.schemas);
     components.add_security_scheme(SCHEME, SecurityScheme::Http(scheme.build()));
     document
 }
@@ -135,11 +140,16 @@ fn operations(item: &mut PathItem) -> impl Iterator<Item = (&'static str, &mut O
     .filter_map(|(method, operation)| Some((method, operation.as_mut()?)))
 }
 
-/// Adds the permitted roles of an operation; nothing for an unknown one.
+/// Adds the permitted roles of an operation, or that it needs no key.
 fn add_roles(operation: &mut Operation) {
     let rule = operation.operation_id.as_deref().and_then(roles::rule);
-    let Some(Rule { who: Who::Holders(roles), .. }) = rule else { return };
-    operation.security = Some(vec![SecurityRequirement::new(SCHEME, [""; 0])]);
+    let Some(Rule { who: Who::Holders(roles), .. }) = rule else {
+        operation.security = Some(Vec::new());
+        return;
+    };
+    // A server without keys takes requests without one.
+    let open = SecurityRequirement::default();
+    operation.security = Some(vec![SecurityRequirement::new(SCHEME, [""; 0]), open]);
     let named: Vec<&str> = roles.iter().map(|role| roles::name(*role)).collect();
     operation.extensions = Some(Extensions::from_iter([("x-palpate-roles", named)]));
     let responses = &mut operation.responses.responses;
@@ -300,8 +310,21 @@ mod tests {
         for (name, schema) in schemas {
             assert!(name.chars().all(char::is_alphanumeric), "{name} is generic");
             assert!(schema.get("anyOf").is_none(), "{name} is untagged");
+            let is_of_rust = ["BTreeMap", "Vec", "Option", "Box"].contains(&name.as_str());
+            assert!(!is_of_rust, "{name} is a type of Rust");
         }
         assert!(schemas.contains_key("SessionEvent"));
+    }
+
+    #[test]
+    fn no_schema_has_a_field_of_its_own_name() {
+        // Generated Python would give one variable two types.
+        let json = serde_json::to_value(document()).unwrap();
+        for (name, schema) in json["components"]["schemas"].as_object().unwrap() {
+            let own = |field: &String| field.replace('_', "") == name.to_lowercase();
+            let fields = schema["properties"].as_object();
+            assert!(!fields.is_some_and(|fields| fields.keys().any(own)), "{name}");
+        }
     }
 
     #[test]

@@ -152,7 +152,9 @@ fn request(error: &RequestError) -> Answer {
             Answer { errors: errors.clone(), ..ProblemType::MalformedRequest.into() }
         }
         RequestError::Unreadable { .. } => ProblemType::MalformedRequest.into(),
-        RequestError::BodyTooLarge { .. } => ProblemType::BodyTooLarge.into(),
+        RequestError::BodyTooLarge { .. } | RequestError::BodyTooHeavy { .. } => {
+            ProblemType::BodyTooLarge.into()
+        }
         RequestError::BodyTooSlow { .. } => ProblemType::Timeout.into(),
         RequestError::ContentType { .. } => {
             Answer::at(ProblemType::UnsupportedMediaType, "header:content-type", error)

@@ -82,6 +82,11 @@ pub(crate) enum RequestError {
     Unreadable { reason: String },
     #[error("the body is longer than {max} bytes")]
     BodyTooLarge { max: usize },
+    #[error(
+        "the values of the body take more than {max} bytes of memory: send them in several \
+         requests"
+    )]
+    BodyTooHeavy { max: usize },
     #[error("the body did not arrive within {within:?}")]
     BodyTooSlow { within: Duration },
     #[error("the content type is {found:?}, expected {expected}")]

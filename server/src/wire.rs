@@ -34,6 +34,7 @@ pub(crate) mod recalibration;
 pub(crate) mod training;
 pub(crate) mod webhook;
 
+use palpate_core::units::{Beyond, Shown};
 use palpate_schemas::{FieldError, PageQuery};
 use thiserror::Error;
 use uuid::Uuid;
@@ -154,8 +155,23 @@ pub(crate) fn number(pointer: &str, found: f64, low: f64, high: f64) -> Result<f
     if (low..=high).contains(&found) {
         Ok(found)
     } else {
-        Err(Invalid::field(pointer, format!("came {found}, expected {low} to {high}")))
+        Err(outside(pointer, found, [low, high], &range(low, high)))
     }
+}
+
+/// The refusal of a number beyond one of its limits.
+pub(crate) fn outside<const N: usize>(
+    pointer: impl Into<String>,
+    found: f64,
+    limits: [f64; N],
+    expected: &str,
+) -> Invalid {
+    Invalid::field(pointer, format!("came {}, expected {expected}", Beyond(found, limits)))
+}
+
+/// A range of numbers in a message.
+pub(crate) fn range(low: f64, high: f64) -> String {
+    format!("{} to {}", Shown(low), Shown(high))
 }
 
 /// The requested number of items of a page.

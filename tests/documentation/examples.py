@@ -93,6 +93,15 @@ class Story:
         if content_type in NO_EXAMPLE or not content:
             return answer
         assert content_type in content, f"{operation_id}: {content_type} is not described"
+        if content_type == "text/event-stream":
+            fields = dict(line.split(": ", 1) for line in answer.decode().splitlines())
+            schema = content[content_type]["schema"]
+            self.check(schema, fields, f"{operation_id}: event")
+            data = json.loads(fields["data"])
+            self.check(schema["properties"]["data"]["contentSchema"], data, f"{operation_id}: data of an event")
+            fields["data"] = json.dumps(shortened(data), ensure_ascii=False)
+            self.recorded.setdefault(operation_id, fields)
+            return answer
         if content_type != "application/json":
             lines = answer.decode().splitlines()[:LINES_MAX]
             self.recorded.setdefault(operation_id, "\n".join(line if len(line) < 300 else line[:299] + "…" for line in lines) + "\n")

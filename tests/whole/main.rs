@@ -9,6 +9,7 @@ mod corpora;
 mod house;
 mod load;
 mod numbers;
+mod lists;
 mod serving;
 #[cfg(feature = "otlp")]
 mod spans;

@@ -5,7 +5,7 @@
 //! `schemas/openapi.json`, the requests around them from a table here; the test fails for a
 //! number that no request has. Not here: the content of the answers.
 
-mod fields;
+pub(crate) mod fields;
 mod requests;
 
 use std::path::Path;
@@ -195,8 +195,20 @@ fn is_fine(name: &str, status: StatusCode, answer: &Value) -> Result<(), String>
     if is_fine { Ok(()) } else { Err(format!("{name}: {status} {answer}")) }
 }
 
+/// Whether a number just beyond a limit is refused, in few digits that are beyond it, too.
+fn is_told(case: &Case, limit: f64, status: StatusCode, answer: &Value) -> Result<(), String> {
+    let told = answer["errors"][0]["detail"].as_str().unwrap_or_default();
+    let mut numbers = told.split([' ', ',']).filter_map(|word| word.parse::<f64>().ok());
+    let long = told.split(|c: char| !c.is_ascii_digit()).any(|digits| digits.len() > 17);
+    let is_told = numbers.next().is_some_and(|found| found.to_bits() != limit.to_bits());
+    if status == StatusCode::UNPROCESSABLE_ENTITY && is_told && !long {
+        return Ok(());
+    }
+    Err(format!("{}, beyond {limit}: {status} {told:?}", case.name))
+}
+
 /// The cases of a field in a request that has it.
-fn cases(base: &Base, field: &Field) -> Vec<Case> {
+fn cases(base: &Base, field: &Field, values: &[Value]) -> Vec<Case> {
     let with = |bound: &Value| {
         let name = format!("{} {} {} = {bound}", base.method, base.path, field.pointer);
         let (mut path, mut body) = (base.path.clone(), base.body.clone());
@@ -213,7 +225,7 @@ fn cases(base: &Base, field: &Field) -> Vec<Case> {
         }
         Some(Case { name, method: base.method.clone(), path, body })
     };
-    field.bounds.iter().filter_map(with).collect()
+    values.iter().filter_map(with).collect()
 }
 
 /// Whether a case waits for a job.
@@ -221,11 +233,11 @@ fn has_training(path: &str) -> bool {
     path.ends_with("/trainings") || path.ends_with("/calibrations") || path == "/v1/sensors"
 }
 
-/// All cases, and the fields that no request of the table has.
-fn all_cases(placeholders: &[(String, Vec<String>)]) -> (Vec<Case>, Vec<String>) {
+/// All cases, those just beyond a limit, and the fields that no request of the table has.
+fn all_cases(placeholders: &[(String, Vec<String>)]) -> (Vec<Case>, Vec<(Case, f64)>, Vec<String>) {
     let description = Path::new(env!("CARGO_MANIFEST_DIR")).join("../schemas/openapi.json");
     let description: Value = serde_json::from_slice(&std::fs::read(description).unwrap()).unwrap();
-    let (mut found, mut missing) = (Vec::new(), Vec::new());
+    let (mut found, mut beyond, mut missing) = (Vec::new(), Vec::new(), Vec::new());
     for operation in operations(&description) {
         let bases = bases(&operation, placeholders);
         for field in &operation.fields {
@@ -244,14 +256,20 @@ fn all_cases(placeholders: &[(String, Vec<String>)]) -> (Vec<Case>, Vec<String>)
                 found.extend(field.bounds.iter().map(bound));
                 continue;
             }
-            let own: Vec<Case> = bases.iter().flat_map(|base| cases(base, field)).collect();
+            let own = bases.iter().flat_map(|base| cases(base, field, &field.bounds));
+            let own: Vec<Case> = own.collect();
+            for (limit, number) in &field.beyond {
+                let number = [json!(number)];
+                let own = bases.iter().flat_map(|base| cases(base, field, &number));
+                beyond.extend(own.map(|case| (case, *limit)));
+            }
             if own.is_empty() {
                 missing.push(format!("{} {} {}", operation.method, operation.path, field.pointer));
             }
             found.extend(own);
         }
     }
-    (found, missing)
+    (found, beyond, missing)
 }
 
 #[cfg(target_os = "linux")]
@@ -267,7 +285,7 @@ async fn no_number_in_a_request_stops_or_stalls_the_server() {
     let mut serving = Serving::start_within(folder.path(), &[], idle_kib + ROOM_KIB);
     let asked = Asked::new(&serving.url);
     let placeholders = placeholders(&asked).await;
-    let (cases, missing) = all_cases(&placeholders);
+    let (cases, beyond, missing) = all_cases(&placeholders);
     assert!(missing.is_empty(), "no request of the table has these numbers: {missing:#?}");
     assert!(cases.len() > 300, "{} cases", cases.len());
     // Trainings run one at a time: they come last, one after the other.
@@ -283,6 +301,11 @@ async fn no_number_in_a_request_stops_or_stalls_the_server() {
         played.iter().filter(|(_, _, took)| *took > SLOW).map(|(case, ..)| *case).collect();
     let mut faults = hang_up(&serving.url, serving.process(), &slow).await;
     faults.extend(played.into_iter().filter_map(|(_, fault, _)| fault));
+    for (case, limit) in &beyond {
+        let (status, answer) =
+            asked.send(&case.method, &case.path, case.body.as_ref()).await.unwrap();
+        faults.extend(is_told(case, *limit, status, &answer).err());
+    }
     for case in &trainings {
         faults.extend(asked.play(case).await.err());
     }

@@ -3,7 +3,7 @@
 use thiserror::Error;
 
 use super::image::ImageShape;
-use crate::units::Shown;
+use crate::units::Beyond;
 
 /// Error of numbers that are not a reading.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
@@ -20,7 +20,8 @@ pub enum ReadingError {
     },
     /// A pressure is not a finite number of pascals within the range.
     #[error(
-        "pressure of taxel {taxel} is {}, expected a finite number within ±1e8 Pa", Shown(*found)
+        "pressure of taxel {taxel} is {}, expected a finite number within ±1e8 Pa",
+        Beyond(*found, [-1e8, 1e8])
     )]
     Pressure {
         /// Index in the given order.

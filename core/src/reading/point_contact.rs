@@ -9,7 +9,7 @@ use glam::DVec3;
 use thiserror::Error;
 
 use super::{Base, SensorId};
-use crate::units::Shown;
+use crate::units::{Beyond, Shown};
 
 /// Largest coordinate of a position, metres. Chosen: beyond it single precision says nothing.
 const POSITION_MAX: f64 = 1e6;
@@ -79,12 +79,14 @@ pub enum ContactField {
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum ContactError {
     /// A number is not finite or not within its range.
-    #[error("is {}, expected {expected}", Shown(*found))]
+    #[error("is {}, expected {expected}", Beyond(*found, *limits))]
     Range {
         /// The number.
         field: ContactField,
         /// The given value.
         found: f64,
+        /// The smallest and the largest permitted value.
+        limits: [f64; 2],
         /// The range and unit.
         expected: &'static str,
     },
@@ -120,21 +122,24 @@ impl PointContact {
     /// # Errors
     /// [`ContactError`] names the first wrong number.
     pub fn new(sensor: SensorId, numbers: ContactNumbers) -> Result<Self, ContactError> {
-        let range = |field, found: f64, is_right: bool, expected| match is_right {
-            true => Ok(()),
-            false => Err(ContactError::Range { field, found, expected }),
+        let range = |field, found: f64, limits @ [low, high]: [f64; 2], expected| {
+            // A standard deviation is above 0, other numbers may be at their limits.
+            let is_deviation = !matches!(field, ContactField::Position | ContactField::Force);
+            if (low..=high).contains(&found) && !(is_deviation && found <= 0.0) {
+                return Ok(());
+            }
+            Err(ContactError::Range { field, found, limits, expected })
         };
         for found in numbers.position {
-            let is_right = found.abs() <= POSITION_MAX;
-            range(ContactField::Position, found, is_right, "metres within ±1e6")?;
+            let limits = [-POSITION_MAX, POSITION_MAX];
+            range(ContactField::Position, found, limits, "metres within ±1e6")?;
         }
         let found = numbers.position_deviation;
-        let is_right = found > 0.0 && found <= POSITION_DEVIATION_MAX;
+        let limits = [0.0, POSITION_DEVIATION_MAX];
         let expected = "a standard deviation above 0, at most 0.1 m";
-        range(ContactField::PositionDeviation, found, is_right, expected)?;
+        range(ContactField::PositionDeviation, found, limits, expected)?;
         if let Some(found) = numbers.force {
-            let is_right = (0.0..=FORCE_MAX).contains(&found);
-            range(ContactField::Force, found, is_right, "newton from 0 to 1e5")?;
+            range(ContactField::Force, found, [0.0, FORCE_MAX], "newton from 0 to 1e5")?;
         }
         let normal = match (numbers.normal, numbers.normal_deviation) {
             (None, None) => None,
@@ -148,9 +153,9 @@ impl PointContact {
                 if !is_unit {
                     return Err(ContactError::Norm { norm });
                 }
-                let is_right = deviation > 0.0 && deviation <= NORMAL_DEVIATION_MAX;
+                let limits = [0.0, NORMAL_DEVIATION_MAX];
                 let expected = "a standard deviation above 0, at most 1 rad";
-                range(ContactField::NormalDeviation, deviation, is_right, expected)?;
+                range(ContactField::NormalDeviation, deviation, limits, expected)?;
                 Some(FeltNormal { direction: direction / norm, deviation })
             }
         };

@@ -13,7 +13,7 @@ use super::coupling::Coupling;
 use super::force_curve::ForceCurve;
 use super::grid::TaxelGrid;
 use super::layout::{Layout, LayoutError, Taxel, place_in};
-use crate::units::{MM, Shown};
+use crate::units::{Beyond, MM, Shown};
 
 /// Order of the driver's image relative to the sensor frame's row-major order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -110,8 +110,8 @@ pub enum SensorError {
     },
     /// A number is not finite or not within its range.
     #[error(
-        "{field} is {}, expected a finite number from {} to {} (SI units)", Shown(*found),
-        Shown(*low), Shown(*high)
+        "{field} is {}, expected a finite number from {} to {} (SI units)",
+        Beyond(*found, [*low, *high]), Shown(*low), Shown(*high)
     )]
     Range {
         /// The parameter's name.

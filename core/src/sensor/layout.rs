@@ -10,7 +10,7 @@ use thiserror::Error;
 
 use super::grid::TaxelGrid;
 use crate::pose::Pose;
-use crate::units::{MM, Shown};
+use crate::units::{Beyond, MM, Shown};
 
 /// Maximum number of taxels of a layout. Chosen: a stored sensor then fits one value of the store,
 /// 4 KiB. A larger skin is several sensors, one for each patch.
@@ -98,7 +98,7 @@ pub enum LayoutError {
         taxel: usize,
     },
     /// A normal is not a direction.
-    #[error("the normal of taxel {taxel} has norm {}, expected 1 ± 0.01", Shown(*found))]
+    #[error("the normal of taxel {taxel} has norm {}, expected 1 ± 0.01", Beyond(*found, [0.99, 1.01]))]
     Normal {
         /// The first such taxel.
         taxel: usize,
@@ -107,8 +107,8 @@ pub enum LayoutError {
     },
     /// A width is out of range.
     #[error(
-        "the width of taxel {taxel} is {} m, expected a finite number from {} to {}", Shown(*found),
-        Shown(WIDTH_MIN), Shown(DISTANCE.1)
+        "the width of taxel {taxel} is {} m, expected a finite number from {} to {}",
+        Beyond(*found, [WIDTH_MIN, DISTANCE.1]), Shown(WIDTH_MIN), Shown(DISTANCE.1)
     )]
     Width {
         /// The first such taxel.
@@ -118,8 +118,8 @@ pub enum LayoutError {
     },
     /// A taxel is too near to the next, or too far from it.
     #[error(
-        "taxel {taxel} is {} m from the nearest other, expected {} to {}", Shown(*found),
-        Shown(DISTANCE.0), Shown(DISTANCE.1)
+        "taxel {taxel} is {} m from the nearest other, expected {} to {}",
+        Beyond(*found, [DISTANCE.0, DISTANCE.1]), Shown(DISTANCE.0), Shown(DISTANCE.1)
     )]
     Apart {
         /// The first such taxel.
@@ -139,7 +139,7 @@ pub enum LayoutError {
     /// A taxel is not where the grid has it.
     #[error(
         "taxel {taxel} is {} m from its place in the grid, expected at most {}: leave `grid` out \
-         for taxels that are not on one", Shown(*found), Shown(*most)
+         for taxels that are not on one", Beyond(*found, [*most]), Shown(*most)
     )]
     OffGrid {
         /// The first such taxel.

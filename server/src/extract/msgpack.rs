@@ -5,11 +5,9 @@
 
 use std::io::Cursor;
 
-use rmp_serde::decode::Error;
-use serde::de::DeserializeOwned;
-
-use super::{malformed, pointer, wrong_value};
+use super::{Admit, Parsed, malformed, pointer, weight, wrong_value};
 use crate::refusal::Refusal;
+use rmp_serde::decode::Error;
 
 /// The content type of such a body.
 pub(crate) const CONTENT_TYPE: &str = "application/msgpack";
@@ -21,9 +19,14 @@ const DEPTH_MAX: usize = 64;
 const NEVER_USED: u8 = 0xc1;
 
 /// Parses MessagePack; the error names an invalid value by a JSON pointer.
-pub(crate) fn parse<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Refusal> {
-    let mut deserializer = rmp_serde::Deserializer::new(Cursor::new(bytes));
-    deserializer.set_max_depth(DEPTH_MAX);
+pub(crate) fn parse<T: Parsed>(bytes: &[u8], admit: Admit<'_>) -> Result<T, Refusal> {
+    let deserializer = || {
+        let mut deserializer = rmp_serde::Deserializer::new(Cursor::new(bytes));
+        deserializer.set_max_depth(DEPTH_MAX);
+        deserializer
+    };
+    admit(weight::<T, _>(&mut deserializer(), |at, error| refusal(at, &error))?)?;
+    let mut deserializer = deserializer();
     let value = serde_path_to_error::deserialize(&mut deserializer).map_err(|error| {
         let pointer = pointer(error.path());
         refusal(pointer, &error.into_inner())

@@ -23,7 +23,11 @@ pub(super) fn words(message: &str) -> String {
             };
             format!("came {}, expected {}{hint}{place}", came(found), expected(wanted))
         }
-        None => format!("{message}{place}"),
+        // Names that serde does not know: its words for them are Rust's.
+        None => match message.strip_prefix("unknown variant `") {
+            Some(rest) => format!("came {}{place}", rest.replacen('`', "", 1)),
+            None => format!("{message}{place}"),
+        },
     }
 }
 
@@ -101,6 +105,13 @@ mod tests {
         check::<f64>("\"a, expected u8\"", "came \"a, expected u8\", expected a number");
         check::<Vec<f64>>("{}", "came an object, expected a list");
         check::<[f64; 3]>("7", "came 7, expected a list of length 3");
+        #[derive(Debug, serde::Deserialize)]
+        #[serde(rename_all = "snake_case")]
+        enum Unit {
+            M,
+            Mm,
+        }
+        check::<Unit>("\"MM\"", "came MM, expected `m` or `mm`");
         check::<bool>("null", "came null, expected a boolean");
     }
 

@@ -31,7 +31,7 @@ const KEEP_ALIVE: Duration = Duration::from_secs(15);
 /// Streams server-sent events named `job`, each with the whole job as data. The stream ends when
 /// the job finishes.
 #[utoipa::path(get, path = "/v1/jobs/{job}/events", operation_id = "job_events", tag = "jobs",
-    params(("job" = String, Path, description = "The job's id")),
+    params(("job" = Uuid, Path, description = "The job's id")),
     responses((status = 200, description = "Server-sent events", body = String,
         content_type = "text/event-stream")))]
 pub(crate) async fn job_events(
@@ -51,7 +51,7 @@ pub(crate) async fn job_events(
 /// Streams server-sent events named `belief`, `closed` and `deleted`, each with a `SessionEvent` as
 /// data. The first event is the current belief, unless `Last-Event-ID` names its revision.
 #[utoipa::path(get, path = "/v1/sessions/{session}/events", operation_id = "session_events",
-    tag = "sessions", params(("session" = String, Path, description = "The session's id")),
+    tag = "sessions", params(("session" = Uuid, Path, description = "The session's id")),
     responses((status = 200, description = "Server-sent events", body = String,
         content_type = "text/event-stream")))]
 pub(crate) async fn session_events(

@@ -21,7 +21,7 @@ use crate::routes::documented::{Conflict, Ended};
 /// version, 409 if its version has another content, or if the id belongs to another session.
 #[utoipa::path(put, path = "/v1/sessions/{session}", operation_id = "forward_session",
     tag = "sessions", request_body = ForwardSession,
-    params(("session" = String, Path, description = "The session's id at the cell, a UUIDv7")),
+    params(("session" = Uuid, Path, description = "The session's id at the cell, a UUIDv7")),
     responses((status = 200, description = "The session; `revision` tells how many entries it has",
         body = Session), Conflict))]
 pub(crate) async fn forward_session(
@@ -39,7 +39,7 @@ pub(crate) async fn forward_session(
 /// follow; 410 if the session was closed here.
 #[utoipa::path(post, path = "/v1/sessions/{session}/forwarded", operation_id = "forward_entries",
     tag = "sessions", request_body = ForwardEntries,
-    params(("session" = String, Path, description = "The session's id")),
+    params(("session" = Uuid, Path, description = "The session's id")),
     responses((status = 200, description = "The number of entries now", body = EntriesForwarded),
         Conflict, Ended))]
 pub(crate) async fn forward_entries(

@@ -17,7 +17,7 @@ use crate::routes::documented::{Conflict, Ended};
 /// Lists readings in the order of arrival, with the `number` by which each can be retracted.
 #[utoipa::path(get, path = "/v1/sessions/{session}/readings",
     operation_id = "list_session_readings", tag = "sessions",
-    params(("session" = String, Path, description = "The session's id"), PageQuery),
+    params(("session" = Uuid, Path, description = "The session's id"), PageQuery),
     responses((status = 200, description = "A page of readings", body = SessionReadingPage)))]
 pub(crate) async fn list_session_readings(
     State(app): State<App>,
@@ -34,8 +34,8 @@ pub(crate) async fn list_session_readings(
 /// again changes nothing and returns the first answer. 410 if the session has ended.
 #[utoipa::path(delete, path = "/v1/sessions/{session}/readings/{number}",
     operation_id = "retract_reading", tag = "sessions",
-    params(("session" = String, Path, description = "The session's id"),
-        ("number" = String, Path, description = "The reading's number within the session"),
+    params(("session" = Uuid, Path, description = "The session's id"),
+        ("number" = u32, Path, description = "The reading's number within the session"),
         ReadingsQuery),
     responses((status = 200, description = "The result of the retraction",
         body = ReadingRetracted), Conflict, Ended))]
@@ -53,9 +53,9 @@ pub(crate) async fn retract_reading(
 /// Does the same as retracting by the number within the session.
 #[utoipa::path(delete, path = "/v1/sessions/{session}/readings/{robot}/{seq}",
     operation_id = "retract_robot_reading", tag = "sessions",
-    params(("session" = String, Path, description = "The session's id"),
+    params(("session" = Uuid, Path, description = "The session's id"),
         ("robot" = String, Path, description = "The robot that took it"),
-        ("seq" = String, Path, description = "The reading's `seq`"),
+        ("seq" = u64, Path, description = "The reading's `seq`"),
         ReadingsQuery),
     responses((status = 200, description = "The result of the retraction",
         body = ReadingRetracted), Conflict, Ended))]
@@ -75,7 +75,7 @@ pub(crate) async fn retract_robot_reading(
 /// `next_after` is not null, call again with it to get the remaining steps.
 #[utoipa::path(get, path = "/v1/sessions/{session}/replay", operation_id = "replay_session",
     tag = "sessions",
-    params(("session" = String, Path, description = "The session's id"), ReplayQuery),
+    params(("session" = Uuid, Path, description = "The session's id"), ReplayQuery),
     responses((status = 200, description = "The steps and the belief", body = Replay)))]
 pub(crate) async fn replay_session(
     State(app): State<App>,
@@ -95,7 +95,7 @@ pub(crate) async fn replay_session(
 /// odds of the others' answer at least 16-fold. 409 if the belief rests on more than 200 readings.
 #[utoipa::path(get, path = "/v1/sessions/{session}/explain", operation_id = "explain_session",
     tag = "sessions",
-    params(("session" = String, Path, description = "The session's id"), ExplainQuery),
+    params(("session" = Uuid, Path, description = "The session's id"), ExplainQuery),
     responses((status = 200, description = "The contribution of each reading", body = Explanation),
         Conflict))]
 pub(crate) async fn explain_session(

@@ -11,6 +11,8 @@ use crate::refusal::Refusal;
 use crate::routes::documented::{Conflict, Deleted};
 
 /// List the jobs
+///
+/// Pages of jobs, the oldest first: trainings, calibrations, comparisons and merges.
 #[utoipa::path(get, path = "/v1/jobs", operation_id = "list_jobs", tag = "jobs",
     params(PageQuery),
     responses((status = 200, description = "A page of jobs, oldest first", body = JobPage)))]
@@ -22,8 +24,10 @@ pub(crate) async fn list_jobs(
 }
 
 /// Get a job
+///
+/// State, stage and progress of a job; of an ended one, its result or its error.
 #[utoipa::path(get, path = "/v1/jobs/{job}", operation_id = "get_job", tag = "jobs",
-    params(("job" = String, Path, description = "The job's id")),
+    params(("job" = Uuid, Path, description = "The job's id")),
     responses((status = 200, description = "The job", body = Job)))]
 pub(crate) async fn get_job(
     State(app): State<App>,
@@ -37,7 +41,7 @@ pub(crate) async fn get_job(
 /// Deletes the record of an ended job. The version it created stays. 409 while the job is queued
 /// or running.
 #[utoipa::path(delete, path = "/v1/jobs/{job}", operation_id = "delete_job", tag = "jobs",
-    params(("job" = String, Path, description = "The job's id")),
+    params(("job" = Uuid, Path, description = "The job's id")),
     responses(Deleted, Conflict))]
 pub(crate) async fn delete_job(
     State(app): State<App>,
@@ -52,7 +56,7 @@ pub(crate) async fn delete_job(
 /// A queued job never starts; a running job stops at its next step, within seconds. 409 if the job
 /// has already finished.
 #[utoipa::path(post, path = "/v1/jobs/{job}/cancel", operation_id = "cancel_job", tag = "jobs",
-    params(("job" = String, Path, description = "The job's id")),
+    params(("job" = Uuid, Path, description = "The job's id")),
     responses((status = 200, description = "The job", body = Job), Conflict))]
 pub(crate) async fn cancel_job(
     State(app): State<App>,

@@ -45,6 +45,8 @@ pub(crate) async fn create_key(
 }
 
 /// Get a key
+///
+/// Name, role and times of a key. Its secret is not shown again.
 #[utoipa::path(get, path = "/v1/keys/{key}", operation_id = "get_key", tag = "keys",
     params(("key" = String, Path, description = "The key's id or name")),
     responses((status = 200, description = "The key", body = ApiKey)))]
@@ -88,6 +90,8 @@ pub(crate) async fn rotate_key(
 }
 
 /// Show the caller's key and role
+///
+/// The role of the caller and, on a server with keys, the key of the request.
 #[utoipa::path(get, path = "/v1/whoami", operation_id = "whoami", tag = "keys",
     responses((status = 200, description = "The caller's key and role", body = Whoami)))]
 pub(crate) async fn whoami(

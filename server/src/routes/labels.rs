@@ -16,7 +16,7 @@ use crate::wire;
 /// Replaces all labels, also of an ended session. `GET /v1/sessions?labels=…` searches for them.
 #[utoipa::path(put, path = "/v1/sessions/{session}/labels", operation_id = "set_session_labels",
     tag = "sessions", request_body = SetLabels,
-    params(("session" = String, Path, description = "The session's id")),
+    params(("session" = Uuid, Path, description = "The session's id")),
     responses((status = 200, description = "The session", body = Session)))]
 pub(crate) async fn set_session_labels(
     State(app): State<App>,

@@ -17,6 +17,8 @@ use crate::routes::blocks;
 use crate::routes::documented::{Conflict, Deleted, MeshFile, Unchanged};
 
 /// List the objects
+///
+/// Pages of objects, by default all of them; `labels` selects.
 #[utoipa::path(get, path = "/v1/objects", operation_id = "list_objects", tag = "objects",
     params(LabelledQuery),
     responses((status = 200, description = "A page of objects, oldest first", body = ObjectPage)))]
@@ -28,6 +30,8 @@ pub(crate) async fn list_objects(
 }
 
 /// Create an object
+///
+/// Creates an object without data. Store its mesh or its training readings next.
 #[utoipa::path(post, path = "/v1/objects", operation_id = "create_object", tag = "objects",
     request_body = CreateObject,
     responses((status = 201, description = "The new object", body = ObjectInfo), Conflict))]
@@ -40,6 +44,8 @@ pub(crate) async fn create_object(
 }
 
 /// Get an object
+///
+/// Name, description, labels and what the object has to be trained from.
 #[utoipa::path(get, path = "/v1/objects/{object}", operation_id = "get_object", tag = "objects",
     params(("object" = String, Path, description = "The object's id or name")),
     responses((status = 200, description = "The object", body = ObjectInfo)))]
@@ -52,6 +58,8 @@ pub(crate) async fn get_object(
 }
 
 /// Rename or describe an object
+///
+/// Changes the given fields. Trained versions keep the name with which they were trained.
 #[utoipa::path(patch, path = "/v1/objects/{object}", operation_id = "update_object",
     tag = "objects", request_body = UpdateObject,
     params(("object" = String, Path, description = "The object's id or name")),
@@ -143,6 +151,8 @@ pub(crate) async fn put_mesh(
 }
 
 /// List an object's training readings
+///
+/// Pages of the readings from which the object is trained, in the order of their storage.
 #[utoipa::path(get, path = "/v1/objects/{object}/readings", operation_id = "list_object_readings",
     tag = "objects",
     params(("object" = String, Path, description = "The object's id or name"), PageQuery),

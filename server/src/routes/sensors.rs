@@ -15,6 +15,8 @@ use crate::refusal::Refusal;
 use crate::routes::documented::{Conflict, Deleted};
 
 /// List the sensors
+///
+/// Pages of sensors: the presets and those that were described.
 #[utoipa::path(get, path = "/v1/sensors", operation_id = "list_sensors", tag = "sensors",
     params(LabelledQuery),
     responses((status = 200, description = "A page of sensors, oldest first", body = SensorPage)))]
@@ -43,6 +45,8 @@ pub(crate) async fn create_sensor(
 }
 
 /// Get a sensor
+///
+/// Geometry and response of a sensor, and the number of its current calibration.
 #[utoipa::path(get, path = "/v1/sensors/{sensor}", operation_id = "get_sensor", tag = "sensors",
     params(("sensor" = String, Path, description = "The sensor's id or name")),
     responses((status = 200, description = "The sensor", body = Sensor)))]

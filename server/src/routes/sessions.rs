@@ -47,8 +47,10 @@ pub(crate) async fn create_session(
 }
 
 /// Get a session
+///
+/// Settings, state and number of readings of a session. `GET …/belief` has its answer.
 #[utoipa::path(get, path = "/v1/sessions/{session}", operation_id = "get_session",
-    tag = "sessions", params(("session" = String, Path, description = "The session's id")),
+    tag = "sessions", params(("session" = Uuid, Path, description = "The session's id")),
     responses((status = 200, description = "The session", body = Session)))]
 pub(crate) async fn get_session(
     State(app): State<App>,
@@ -58,8 +60,10 @@ pub(crate) async fn get_session(
 }
 
 /// Delete a session with its readings
+///
+/// Removes the session and everything that was stored of it. It cannot be undone.
 #[utoipa::path(delete, path = "/v1/sessions/{session}", operation_id = "delete_session",
-    tag = "sessions", params(("session" = String, Path, description = "The session's id")),
+    tag = "sessions", params(("session" = Uuid, Path, description = "The session's id")),
     responses(Deleted))]
 pub(crate) async fn delete_session(
     State(app): State<App>,
@@ -76,7 +80,7 @@ pub(crate) async fn delete_session(
 /// that the belief gave it, and the metrics count it. Closing again has no other effect. 409 if
 /// another truth is already recorded.
 #[utoipa::path(post, path = "/v1/sessions/{session}/close", operation_id = "close_session",
-    tag = "sessions", params(("session" = String, Path, description = "The session's id")),
+    tag = "sessions", params(("session" = Uuid, Path, description = "The session's id")),
     request_body(content = CloseSession, description = "The true object; optional"),
     responses((status = 200, description = "The closed session", body = Session), Conflict))]
 pub(crate) async fn close_session(
@@ -93,7 +97,7 @@ pub(crate) async fn close_session(
 /// add readings or to close. 410 if the session has ended.
 #[utoipa::path(post, path = "/v1/sessions/{session}/lease", operation_id = "extend_session",
     tag = "sessions", request_body = ExtendSession,
-    params(("session" = String, Path, description = "The session's id")),
+    params(("session" = Uuid, Path, description = "The session's id")),
     responses((status = 200, description = "The session with its new deadline", body = Session),
         Ended))]
 pub(crate) async fn extend_session(
@@ -118,7 +122,7 @@ pub(crate) async fn extend_session(
 /// (readings without a stamp first), then robot, then `seq`.
 #[utoipa::path(post, path = "/v1/sessions/{session}/readings", operation_id = "add_readings",
     tag = "sessions", request_body = AddReadings,
-    params(("session" = String, Path, description = "The session's id"), ReadingsQuery),
+    params(("session" = Uuid, Path, description = "The session's id"), ReadingsQuery),
     responses((status = 200, description = "The belief after the readings", body = ReadingsAdded),
         Conflict, Ended))]
 pub(crate) async fn add_readings(
@@ -138,7 +142,7 @@ pub(crate) async fn add_readings(
 /// it had then.
 #[utoipa::path(get, path = "/v1/sessions/{session}/belief", operation_id = "get_belief",
     tag = "sessions",
-    params(("session" = String, Path, description = "The session's id"), BeliefQuery),
+    params(("session" = Uuid, Path, description = "The session's id"), BeliefQuery),
     responses((status = 200, description = "The belief", body = Belief,
             headers(("etag" = String, description = "The revision"))),
         Unchanged))]
@@ -161,7 +165,7 @@ pub(crate) async fn get_belief(
 /// if the session has no marginals.
 #[utoipa::path(get, path = "/v1/sessions/{session}/marginals", operation_id = "get_marginals",
     tag = "sessions",
-    params(("session" = String, Path, description = "The session's id"), MarginalsQuery),
+    params(("session" = Uuid, Path, description = "The session's id"), MarginalsQuery),
     responses((status = 200, description = "The marginals", body = Marginals,
             headers(("etag" = String, description = "The revision"))),
         Unchanged,
@@ -197,7 +201,7 @@ fn conditional<T: Serialize>(answer: Option<(u32, T)>) -> Response {
 /// ended.
 #[utoipa::path(post, path = "/v1/sessions/{session}/next-touches",
     operation_id = "ask_next_touches", tag = "sessions", request_body = AskNextTouches,
-    params(("session" = String, Path, description = "The session's id")),
+    params(("session" = Uuid, Path, description = "The session's id")),
     responses((status = 200, description = "Approaches, best first", body = NextTouches),
         Conflict, Ended))]
 pub(crate) async fn ask_next_touches(

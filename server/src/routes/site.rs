@@ -11,6 +11,8 @@ use crate::middleware::telemetry;
 use crate::refusal::Refusal;
 
 /// Check that the process answers
+///
+/// The process answers. It says nothing of the stored data or of load: `/readyz` does.
 #[utoipa::path(get, path = "/livez", operation_id = "livez", tag = "site",
     responses((status = 200, description = "The process answers", body = Liveness)))]
 pub(crate) async fn livez() -> Json<Liveness> {
@@ -36,6 +38,8 @@ pub(crate) async fn readyz(
 }
 
 /// Get metrics for Prometheus
+///
+/// Figures of this process in the text format of Prometheus. They begin anew at every start.
 #[utoipa::path(get, path = "/metrics", operation_id = "metrics", tag = "site",
     responses((status = 200, description = "Metrics in the Prometheus text format",
         body = String, content_type = "text/plain")))]
@@ -47,6 +51,8 @@ pub(crate) async fn metrics(State(app): State<App>) -> Response {
 }
 
 /// Get the server's version
+///
+/// Name and version of the program, and the version of the API.
 #[utoipa::path(get, path = "/version", operation_id = "version", tag = "site",
     responses((status = 200, description = "The version", body = Version)))]
 pub(crate) async fn version() -> Json<Version> {

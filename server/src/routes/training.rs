@@ -18,6 +18,8 @@ use crate::services::catalogues::CatalogueError;
 use crate::wire;
 
 /// List the catalogues
+///
+/// Pages of catalogues in the order of their names, each with its current version.
 #[utoipa::path(get, path = "/v1/catalogues", operation_id = "list_catalogues", tag = "training",
     params(LabelledQuery),
     responses((status = 200, description = "A page of catalogues, oldest first",
@@ -118,6 +120,8 @@ pub(crate) async fn delete_catalogue(
 }
 
 /// List a catalogue's versions
+///
+/// Pages of versions, the oldest first. A version never changes.
 #[utoipa::path(get, path = "/v1/catalogues/{name}/versions", operation_id = "list_versions",
     tag = "training",
     params(("name" = String, Path, description = "The catalogue's name"), PageQuery),
@@ -132,6 +136,8 @@ pub(crate) async fn list_versions(
 }
 
 /// Get a version
+///
+/// What a version was trained from and what it can do; its report has the figures.
 #[utoipa::path(get, path = "/v1/catalogues/{name}/versions/{version}",
     operation_id = "get_version", tag = "training",
     params(("name" = String, Path, description = "The catalogue's name"),
@@ -204,7 +210,7 @@ pub(crate) async fn get_appearance_report(
         ("object" = String, Path, description = "The object's id, or its name when trained"),
         PageQuery),
     responses((status = 200, description = "The map with a page of its patches",
-        body = ObjectMap)))]
+        body = ObjectMap), Conflict))]
 pub(crate) async fn get_object_map(
     State(app): State<App>,
     Segments((name, version, object)): Segments<(String, String, String)>,

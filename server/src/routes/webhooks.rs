@@ -15,6 +15,8 @@ use crate::refusal::Refusal;
 use crate::routes::documented::{Conflict, Deleted};
 
 /// List the webhooks
+///
+/// Pages of webhooks, without their secrets.
 #[utoipa::path(get, path = "/v1/webhooks", operation_id = "list_webhooks", tag = "webhooks",
     params(PageQuery),
     responses((status = 200, description = "A page of webhooks, oldest first", body = WebhookPage)))]
@@ -43,8 +45,10 @@ pub(crate) async fn create_webhook(
 }
 
 /// Get a webhook
+///
+/// URL, events and state of a webhook, without its secret.
 #[utoipa::path(get, path = "/v1/webhooks/{webhook}", operation_id = "get_webhook",
-    tag = "webhooks", params(("webhook" = String, Path, description = "The webhook's id")),
+    tag = "webhooks", params(("webhook" = Uuid, Path, description = "The webhook's id")),
     responses((status = 200, description = "The webhook", body = Webhook)))]
 pub(crate) async fn get_webhook(
     State(app): State<App>,
@@ -58,7 +62,7 @@ pub(crate) async fn get_webhook(
 /// Changes its URL, events or description, disables it or enables it again.
 #[utoipa::path(patch, path = "/v1/webhooks/{webhook}", operation_id = "update_webhook",
     tag = "webhooks", request_body = UpdateWebhook,
-    params(("webhook" = String, Path, description = "The webhook's id")),
+    params(("webhook" = Uuid, Path, description = "The webhook's id")),
     responses((status = 200, description = "The changed webhook", body = Webhook)))]
 pub(crate) async fn update_webhook(
     State(app): State<App>,
@@ -72,7 +76,7 @@ pub(crate) async fn update_webhook(
 ///
 /// Also deletes its history. Deliveries that wait are not made.
 #[utoipa::path(delete, path = "/v1/webhooks/{webhook}", operation_id = "delete_webhook",
-    tag = "webhooks", params(("webhook" = String, Path, description = "The webhook's id")),
+    tag = "webhooks", params(("webhook" = Uuid, Path, description = "The webhook's id")),
     responses(Deleted))]
 pub(crate) async fn delete_webhook(
     State(app): State<App>,
@@ -88,7 +92,7 @@ pub(crate) async fn delete_webhook(
 /// secrets.
 #[utoipa::path(post, path = "/v1/webhooks/{webhook}/rotate",
     operation_id = "rotate_webhook_secret", tag = "webhooks", request_body = RotateWebhookSecret,
-    params(("webhook" = String, Path, description = "The webhook's id")),
+    params(("webhook" = Uuid, Path, description = "The webhook's id")),
     responses((status = 200, description = "The webhook and its new secret", body = NewWebhook)))]
 pub(crate) async fn rotate_webhook_secret(
     State(app): State<App>,
@@ -103,7 +107,7 @@ pub(crate) async fn rotate_webhook_secret(
 /// Posts an event of type `ping` once, and returns the delivery with the outcome. 409 if the webhook
 /// is disabled.
 #[utoipa::path(post, path = "/v1/webhooks/{webhook}/test", operation_id = "test_webhook",
-    tag = "webhooks", params(("webhook" = String, Path, description = "The webhook's id")),
+    tag = "webhooks", params(("webhook" = Uuid, Path, description = "The webhook's id")),
     responses((status = 200, description = "The delivery of the message", body = WebhookDelivery),
         Conflict))]
 pub(crate) async fn test_webhook(
@@ -119,7 +123,7 @@ pub(crate) async fn test_webhook(
 /// newer ones wait.
 #[utoipa::path(get, path = "/v1/webhooks/{webhook}/deliveries",
     operation_id = "list_webhook_deliveries", tag = "webhooks",
-    params(PageQuery, ("webhook" = String, Path, description = "The webhook's id")),
+    params(PageQuery, ("webhook" = Uuid, Path, description = "The webhook's id")),
     responses((status = 200, description = "A page of deliveries, newest event first",
         body = WebhookDeliveryPage)))]
 pub(crate) async fn list_webhook_deliveries(
@@ -131,10 +135,12 @@ pub(crate) async fn list_webhook_deliveries(
 }
 
 /// Get a delivery to a webhook
+///
+/// An event of a webhook with its body and every attempt to deliver it.
 #[utoipa::path(get, path = "/v1/webhooks/{webhook}/deliveries/{delivery}",
     operation_id = "get_webhook_delivery", tag = "webhooks",
-    params(("webhook" = String, Path, description = "The webhook's id"),
-        ("delivery" = String, Path, description = "The event's id")),
+    params(("webhook" = Uuid, Path, description = "The webhook's id"),
+        ("delivery" = Uuid, Path, description = "The event's id")),
     responses((status = 200, description = "The delivery", body = WebhookDelivery)))]
 pub(crate) async fn get_webhook_delivery(
     State(app): State<App>,
@@ -149,8 +155,8 @@ pub(crate) async fn get_webhook_delivery(
 /// disabled or an attempt is in flight.
 #[utoipa::path(post, path = "/v1/webhooks/{webhook}/deliveries/{delivery}/redeliver",
     operation_id = "redeliver_webhook", tag = "webhooks",
-    params(("webhook" = String, Path, description = "The webhook's id"),
-        ("delivery" = String, Path, description = "The event's id")),
+    params(("webhook" = Uuid, Path, description = "The webhook's id"),
+        ("delivery" = Uuid, Path, description = "The event's id")),
     responses((status = 200, description = "The delivery, which is due", body = WebhookDelivery),
         Conflict))]
 pub(crate) async fn redeliver_webhook(

@@ -4,11 +4,10 @@ use palpate_core::sensor::covering::{
     ALIASING_SPREAD, Acuity, force_resolutions, recommended, thickness_of_spread,
 };
 use palpate_core::sensor::point_spread::{ELEMENT_WIDTH, point_spread_of_covering};
-use palpate_core::units::{INCH, MM, Shown};
+use palpate_core::units::{INCH, MM};
 use palpate_schemas as wire;
 
-use crate::wire::Invalid;
-use crate::wire::count;
+use crate::wire::{Invalid, count, outside, range};
 
 /// Maximum number of coverings, and of force resolutions, in one request.
 const ITEMS_MAX: usize = 50;
@@ -103,10 +102,8 @@ fn number(pointer: &str, found: f64, (low, high): (f64, f64)) -> Result<f64, Inv
     if found.is_finite() && (low..=high).contains(&found) {
         return Ok(found);
     }
-    Err(Invalid::field(
-        pointer,
-        format!("came {}, expected {low} to {high} (SI units)", Shown(found)),
-    ))
+    let expected = format!("{} (SI units)", range(low, high));
+    Err(outside(pointer, found, [low, high], &expected))
 }
 
 fn numbers(pointer: &str, found: &[f64], bounds: (f64, f64)) -> Result<(), Invalid> {

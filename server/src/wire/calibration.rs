@@ -7,13 +7,13 @@ use palpate_core::sensor::response::{Indentation, ResponseError, ResponseForm, f
 use palpate_core::sensor::response_curve::ResponseCurve;
 use palpate_core::sensor::spread_fit::{Indenter, SpreadError, SpreadPress, fit_spread};
 use palpate_core::sensor::{Calibration, SensorDescription, TaxelState};
-use palpate_core::units::{MM, Shown};
+use palpate_core::units::MM;
 use palpate_schemas as wire;
 use palpate_store::calibration::{StoredCalibration, StoredLines, StoredSpread};
 use palpate_store::entity::Sensor;
 
 use crate::wire::reading::TAXELS_MAX;
-use crate::wire::{Invalid, count, time};
+use crate::wire::{Invalid, count, outside, range, time};
 
 /// Maximum number of presses at taxels' centres.
 const RESPONSE_PRESSES_MAX: usize = 100_000;
@@ -23,6 +23,8 @@ const SPREAD_PRESSES_MAX: usize = 20_000;
 const LENGTH_MAX: f64 = 50.0 * MM;
 /// Minimum diameter of an indenter.
 const LENGTH_MIN: f64 = 0.01 * MM;
+/// Smallest depth of a press of the spread. Chosen: its square is far from where numbers end.
+const DEPTH_MIN: f64 = 1e-9;
 
 /// The lines that fit a request, still without a number.
 pub(crate) fn fitted(
@@ -95,7 +97,7 @@ fn fitted_spread(
     let covering_thickness = given.covering_thickness.map(thickness).transpose()?;
     let one = |(index, press): (usize, &wire::SpreadPress)| {
         let at = format!("/spread/presses/{index}");
-        length(&format!("{at}/depth"), press.depth, f64::MIN_POSITIVE)?;
+        length(&format!("{at}/depth"), press.depth, DEPTH_MIN)?;
         let x = length(&format!("{at}/x"), press.x, -LENGTH_MAX)?;
         let y = length(&format!("{at}/y"), press.y, -LENGTH_MAX)?;
         let mut pressures = image(&at, &press.pressures, description)?;
@@ -132,11 +134,8 @@ fn length(pointer: &str, found: f64, low: f64) -> Result<f64, Invalid> {
     if found.is_finite() && (low..=LENGTH_MAX).contains(&found) {
         return Ok(found);
     }
-    let low = if low < LENGTH_MIN && low > 0.0 { "above 0".to_owned() } else { low.to_string() };
-    Err(Invalid::field(
-        pointer,
-        format!("came {} m, expected {low} to {LENGTH_MAX} m", Shown(found)),
-    ))
+    let expected = format!("metres from {}", range(low, LENGTH_MAX));
+    Err(outside(pointer, found, [low, LENGTH_MAX], &expected))
 }
 
 fn image(

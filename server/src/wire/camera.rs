@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 use palpate_core::object::ObjectIdx;
-use palpate_core::units::Shown;
+use palpate_core::units::Beyond;
 use palpate_recogniser::pose_prior::{
     Covariance, HYPOTHESES_MAX, PoseHypothesis, PosePrior, WRONG, Workspace,
 };
@@ -14,7 +14,7 @@ use palpate_schemas as wire;
 
 use crate::model::Model;
 use crate::wire::reading::{looseness, pose};
-use crate::wire::{Invalid, number};
+use crate::wire::{Invalid, number, outside, range};
 
 /// Maximum number of weights of objects.
 const CLASSES_MAX: usize = 1_000;
@@ -74,7 +74,13 @@ fn hypothesis(
     let weight = weight(&format!("{pointer}/weight"), given.weight.unwrap_or(1.0))?;
     match (given.deviation, &given.covariance) {
         (Some(deviation), None) => {
-            looseness(&format!("{pointer}/deviation"), deviation)?;
+            let at = format!("{pointer}/deviation");
+            let loose = looseness(&at, deviation)?;
+            // It becomes a covariance, and has the bounds of one.
+            let [low, high] = POSITION_DEVIATION;
+            number(&format!("{at}/position_m"), loose.position, low, high)?;
+            let [low, high] = ANGLE_DEVIATION;
+            number(&format!("{at}/angle_rad"), loose.angle, low, high)?;
         }
         (None, Some(covariance)) => {
             matrix(&format!("{pointer}/covariance"), covariance)?;
@@ -148,9 +154,9 @@ fn matrix(pointer: &str, given: &[f64]) -> Result<Covariance, Invalid> {
         let [low, high] = if axis < 3 { POSITION_DEVIATION } else { ANGLE_DEVIATION };
         let (at, found) = (7 * axis, given[7 * axis]);
         if !(low.powi(2)..=high.powi(2)).contains(&found) {
-            let (low, high) = (low.powi(2), high.powi(2));
-            let detail = format!("came {}, expected a variance of {low} to {high}", Shown(found));
-            return Err(Invalid::field(format!("{pointer}/{at}"), detail));
+            let limits @ [low, high] = [low.powi(2), high.powi(2)];
+            let expected = format!("a variance of {}", range(low, high));
+            return Err(outside(format!("{pointer}/{at}"), found, limits, &expected));
         }
     }
     let detail = "is no covariance, expected a symmetric and positive definite matrix";
@@ -166,7 +172,8 @@ fn check_box(given: &wire::WorkspaceBox) -> Result<(), Invalid> {
         let edge = given.high[axis] - given.low[axis];
         let [least, most] = EDGE;
         if !(least..=most).contains(&edge) {
-            let detail = format!("is {} m above `low`, expected {least} to {most}", Shown(edge));
+            let edge = Beyond(edge, EDGE);
+            let detail = format!("is {edge} m above `low`, expected {}", range(least, most));
             return Err(Invalid::field(high, detail));
         }
     }
@@ -194,7 +201,9 @@ pub(crate) fn stated(
         }
         let covariance = match (one.deviation, &one.covariance) {
             (Some(wire::Looseness { position_m, angle_rad }), _) => {
-                PoseHypothesis::diagonal(position_m, angle_rad)
+                // Earlier versions took any deviation above 0.
+                let (position, angle) = (POSITION_DEVIATION[0], ANGLE_DEVIATION[0]);
+                PoseHypothesis::diagonal(position_m.max(position), angle_rad.max(angle))
             }
             (None, Some(covariance)) => matrix("/pose_prior", covariance)?,
             (None, None) => continue,

@@ -7,15 +7,18 @@ use palpate_core::reading::point_contact::{
 };
 use palpate_core::reading::{Felt, Reading, ReadingError, SensorId};
 use palpate_core::sensor::{Correction, SensorDescription};
-use palpate_core::units::Shown;
+use palpate_core::units::Beyond;
 use palpate_schemas as wire;
 use palpate_store::entity::{Sensor, StoredReading};
 use thiserror::Error;
 
-use super::Invalid;
+use super::{Invalid, outside};
 
 /// The largest shear of a taxel, pascal.
 const SHEAR_MAX: f64 = 1e8;
+/// Smallest standard deviation, in metres or radians. Chosen: nothing is known better, and its
+/// square is far from where numbers end.
+pub(super) const DEVIATION_MIN: f64 = 1e-9;
 
 /// Error of a stored reading that is none.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
@@ -88,6 +91,18 @@ pub(super) fn contact(
         let detail = "came with a `contact` without `normal`, expected one: the way is against it";
         return Err(beside("approach_m", detail));
     }
+    let deviations = [
+        ("position_deviation_m", Some(contact.position_deviation_m)),
+        ("normal_deviation_rad", contact.normal_deviation_rad),
+    ];
+    for (field, deviation) in deviations {
+        // Below it the variance has no digits left; other numbers are checked by core.
+        if let Some(found) = deviation.filter(|found| (0.0..DEVIATION_MIN).contains(found)) {
+            let at = format!("{pointer}/contact/{field}");
+            let expected = format!("at least {DEVIATION_MIN:e}");
+            return Err(outside(at, found, [DEVIATION_MIN], &expected));
+        }
+    }
     Ok(Some(ContactNumbers {
         touched: contact.touched,
         position: contact.position,
@@ -138,7 +153,9 @@ pub(super) fn shear(
     };
     let Some(taxel) = shear.iter().position(is_wrong) else { return Ok(()) };
     let [x, y] = shear[taxel].unwrap_or_default();
-    let detail = format!("came {} and {}, expected pascal within ±1e8", Shown(x), Shown(y));
+    let limits = [-SHEAR_MAX, SHEAR_MAX];
+    let (x, y) = (Beyond(x, limits), Beyond(y, limits));
+    let detail = format!("came {x} and {y}, expected pascal within ±{SHEAR_MAX:e}");
     Err(Invalid::field(format!("{pointer}/shear/{taxel}"), detail))
 }
 

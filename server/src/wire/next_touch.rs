@@ -3,14 +3,13 @@
 use std::time::Duration;
 
 use glam::DVec3;
-use palpate_core::units::Shown;
 use palpate_recogniser::next_touch::{Approach, NextTouchOptions, Ranked, Ranking, Workspace};
 use palpate_schemas as wire;
 use palpate_store::entity::Sensor;
 use uuid::Uuid;
 
 use crate::wire::Invalid;
-use crate::wire::{INTEGER_MAX, count, number, reading, sensor, within};
+use crate::wire::{INTEGER_MAX, count, number, outside, reading, sensor, within};
 
 /// Default number of approaches in an answer.
 const N: u32 = 5;
@@ -99,8 +98,8 @@ fn positive(pointer: &str, found: f64, max: f64, unit: &str) -> Result<f64, Inva
     if found > 0.0 && found <= max {
         return Ok(found);
     }
-    let detail = format!("came {}{unit}, expected above 0 and at most {max}{unit}", Shown(found));
-    Err(Invalid::field(pointer, detail))
+    let expected = format!("above 0 and at most {max}{unit}");
+    Err(outside(pointer, found, [0.0, max], &expected))
 }
 
 /// The answer in its wire form: the best `question.n`.

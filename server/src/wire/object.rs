@@ -96,7 +96,8 @@ pub(crate) fn mesh_format(
         (Some(format), None) => Ok(format),
         (Some(format), Some(asked)) if format == sim_format(asked) => Ok(format),
         (Some(format), Some(asked)) => {
-            let detail = format!("came {asked:?}, but the content type is that of {format}");
+            let asked = sim_format(asked);
+            let detail = format!("came {asked}, but the content type is that of {format}");
             Err(Invalid::field("?format", detail).into())
         }
         (None, Some(asked)) if content_type == "application/octet-stream" => Ok(sim_format(asked)),

@@ -6,7 +6,6 @@ use glam::DVec3;
 use palpate_core::pose::{Pose, PoseError};
 use palpate_core::reading::{Felt, Looseness, Reading};
 use palpate_core::sensor::Correction;
-use palpate_core::units::Shown;
 use palpate_schemas as wire;
 use palpate_schemas::FieldError;
 use palpate_store::entity::{ReadingId, Sensor, StoredReading};
@@ -15,8 +14,8 @@ use uuid::Uuid;
 
 use crate::hints::{Judged, of_readings};
 use crate::wire::Invalid;
-use crate::wire::felt::{self, from_store};
-use crate::wire::{INTEGER_MAX, sensor};
+use crate::wire::felt::{self, DEVIATION_MIN, from_store};
+use crate::wire::{INTEGER_MAX, outside, sensor};
 
 /// Maximum number of readings in one request.
 pub(crate) const READINGS_MAX: usize = 1000;
@@ -189,8 +188,8 @@ fn approach(pointer: &str, given: &wire::Reading) -> Result<f64, Invalid> {
     if (0.0..=APPROACH_MAX).contains(&metres) {
         return Ok(metres);
     }
-    let detail = format!("came {}, expected metres from 0 to {APPROACH_MAX}", Shown(metres));
-    Err(Invalid::field(format!("{pointer}/approach_m"), detail))
+    let expected = format!("metres from 0 to {APPROACH_MAX}");
+    Err(outside(format!("{pointer}/approach_m"), metres, [0.0, APPROACH_MAX], &expected))
 }
 
 /// The possible motion of the object, checked.
@@ -201,16 +200,12 @@ fn object_moved(pointer: &str, given: &wire::Reading) -> Result<Option<Looseness
 
 /// Deviations of a pose, checked.
 pub(crate) fn looseness(pointer: &str, given: wire::Looseness) -> Result<Looseness, Invalid> {
-    let within = |field: &str, value: f64, max: f64, unit: &str| {
-        let detail = format!("came {}, expected {unit} above 0, at most {max}", Shown(value));
-        let is_right = value > 0.0 && value <= max;
-        is_right
-            .then_some(value)
-            .ok_or_else(|| Invalid::field(format!("{pointer}/{field}"), detail))
+    let number = |field: &str, value: f64, high: f64| {
+        super::number(&format!("{pointer}/{field}"), value, DEVIATION_MIN, high)
     };
     Ok(Looseness {
-        position: within("position_m", given.position_m, 0.1, "metres")?,
-        angle: within("angle_rad", given.angle_rad, 1.0, "radians")?,
+        position: number("position_m", given.position_m, 0.1)?,
+        angle: number("angle_rad", given.angle_rad, 1.0)?,
     })
 }
 
@@ -276,9 +271,9 @@ pub(crate) fn of_session(
 pub(crate) fn pose(pointer: &str, given: &wire::Pose) -> Result<Pose, Invalid> {
     let far = given.position.iter().position(|value| value.abs() > POSITION_MAX);
     if let Some(axis) = far {
-        let found = given.position[axis];
-        let detail = format!("came {} m, expected within ±{POSITION_MAX} m", Shown(found));
-        return Err(Invalid::field(format!("{pointer}/position/{axis}"), detail));
+        let at = format!("{pointer}/position/{axis}");
+        let expected = format!("metres within ±{POSITION_MAX}");
+        return Err(outside(at, given.position[axis], [-POSITION_MAX, POSITION_MAX], &expected));
     }
     Pose::new(given.position, given.orientation).map_err(|error| match error {
         PoseError::Position { axis, .. } => {
@@ -306,10 +301,9 @@ fn feature(pointer: &str, given: Option<&[f64]>) -> Result<(), Invalid> {
     match feature.iter().position(|value| !within(value)) {
         None => Ok(()),
         Some(place) => {
-            let found = feature[place];
-            let detail =
-                format!("came {}, expected a number within ±{FEATURE_VALUE_MAX:e}", Shown(found));
-            Err(Invalid::field(format!("{pointer}/{place}"), detail))
+            let expected = format!("a number within ±{FEATURE_VALUE_MAX:e}");
+            let limits = [-FEATURE_VALUE_MAX, FEATURE_VALUE_MAX];
+            Err(outside(format!("{pointer}/{place}"), feature[place], limits, &expected))
         }
     }
 }
@@ -386,9 +380,10 @@ pub(crate) fn shared_frame<'a>(given: &'a [wire::Reading]) -> Result<Option<&'a 
         Some(index) => Err(Invalid(vec![FieldError {
             pointer: format!("/readings/{index}/frame_id"),
             detail: format!(
-                "came {:?}, expected {first:?} as in the first reading: training readings are \
-                 given in one frame in which the object is at rest",
-                given[index].frame_id
+                "came {}, expected {} as in the first reading: training readings are given in one \
+                 frame in which the object is at rest",
+                given[index].frame_id.as_deref().unwrap_or("null"),
+                first.unwrap_or("null")
             ),
         }])),
     }

@@ -1,7 +1,6 @@
 //! Conversion of catalogues, trainings and jobs.
 
 use palpate_core::object::MapPatch;
-use palpate_core::units::Shown;
 use palpate_core::vocabulary::ClassIdx;
 use palpate_core::vocabulary::MAX_CLASSES;
 use palpate_dissertation::patch_pair::DistanceBins;
@@ -16,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::wire::recalibration::JobRequest;
-use crate::wire::{INTEGER_MAX, Invalid, count, descriptor, time};
+use crate::wire::{INTEGER_MAX, Invalid, count, descriptor, outside, time};
 
 /// Maximum number of switches of the current version in an answer.
 const HISTORY_MAX: usize = 100;
@@ -302,16 +301,18 @@ pub(crate) fn config(training: &StartTraining) -> Result<TrainingConfig, Invalid
 
 fn distances(range: wire::DistanceRange) -> Result<DistanceRange, Invalid> {
     let fits = |value: f64| value.is_finite() && (0.0..=DISTANCE_MAX).contains(&value);
+    let far = |pointer: &str, found: f64| {
+        let expected = format!("0 to {DISTANCE_MAX} m");
+        outside(pointer, found, [0.0, DISTANCE_MAX], &expected)
+    };
     if !fits(range.min) {
-        let detail = format!("came {}, expected 0 to {DISTANCE_MAX} m", Shown(range.min));
-        return Err(Invalid::field("/distance_range/min", detail));
+        return Err(far("/distance_range/min", range.min));
     }
     let Some(max) = range.max else {
         return Ok(DistanceRange::ToLargest { min: range.min, n: DISTANCE_STEPS });
     };
     if !fits(max) {
-        let detail = format!("came {}, expected 0 to {DISTANCE_MAX} m", Shown(max));
-        return Err(Invalid::field("/distance_range/max", detail));
+        return Err(far("/distance_range/max", max));
     }
     DistanceBins::new(range.min, max, DISTANCE_STEPS)
         .map(DistanceRange::Fixed)

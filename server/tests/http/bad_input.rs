@@ -134,7 +134,7 @@ async fn invalid_readings_are_refused() {
     let one = json!({"readings": [quiet_reading()]});
     let detail = it.post(&format!("{path}?belief=all"), &one).await;
     detail.problem(422, "invalid-value", Some("?belief"));
-    it.post("/v1/sessions/mine/readings", &many).await.problem(404, "not-found", None);
+    it.post("/v1/sessions/mine/readings", &one).await.problem(404, "not-found", None);
 
     let wide = json!({"name": "wide", "preset": "fingertip-14x14"});
     it.post("/v1/sensors", &wide).await.expect(201);

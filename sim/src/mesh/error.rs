@@ -1,5 +1,6 @@
 //! Error of bytes or numbers that are not a mesh, with the found and the expected value.
 
+use palpate_core::units::{Beyond, Shown};
 use thiserror::Error;
 
 use super::MeshFormat;
@@ -11,13 +12,18 @@ pub enum MeshError {
     #[error("mesh has no triangle, expected at least one")]
     Empty,
     /// Every triangle has zero area, or the whole mesh is a point.
-    #[error("mesh of extent {extent} m has no triangle with an area, expected at least one")]
+    #[error(
+        "mesh of extent {} m has no triangle with an area, expected at least one", Shown(*extent)
+    )]
     Degenerate {
         /// The largest dimension, metres.
         extent: f64,
     },
     /// The mesh is larger than [`super::EXTENT_MAX`].
-    #[error("mesh has an extent of {extent} m, expected at most {max} m (wrong unit?)")]
+    #[error(
+        "mesh has an extent of {} m, expected at most {max} m (wrong unit?)",
+        Beyond(*extent, [*max])
+    )]
     Huge {
         /// The largest dimension, metres.
         extent: f64,

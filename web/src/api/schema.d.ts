@@ -11,7 +11,10 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** Check that the process answers */
+        /**
+         * Check that the process answers
+         * @description The process answers. It says nothing of the stored data or of load: `/readyz` does.
+         */
         get: operations["livez"];
         put?: never;
         post?: never;
@@ -28,7 +31,10 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** Get metrics for Prometheus */
+        /**
+         * Get metrics for Prometheus
+         * @description Figures of this process in the text format of Prometheus. They begin anew at every start.
+         */
         get: operations["metrics"];
         put?: never;
         post?: never;
@@ -113,7 +119,10 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** List the catalogues */
+        /**
+         * List the catalogues
+         * @description Pages of catalogues in the order of their names, each with its current version.
+         */
         get: operations["list_catalogues"];
         put?: never;
         post?: never;
@@ -294,7 +303,10 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** List a catalogue's versions */
+        /**
+         * List a catalogue's versions
+         * @description Pages of versions, the oldest first. A version never changes.
+         */
         get: operations["list_versions"];
         put?: never;
         post?: never;
@@ -311,7 +323,10 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** Get a version */
+        /**
+         * Get a version
+         * @description What a version was trained from and what it can do; its report has the figures.
+         */
         get: operations["get_version"];
         put?: never;
         post?: never;
@@ -678,7 +693,10 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** List the jobs */
+        /**
+         * List the jobs
+         * @description Pages of jobs, the oldest first: trainings, calibrations, comparisons and merges.
+         */
         get: operations["list_jobs"];
         put?: never;
         post?: never;
@@ -695,7 +713,10 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** Get a job */
+        /**
+         * Get a job
+         * @description State, stage and progress of a job; of an ended one, its result or its error.
+         */
         get: operations["get_job"];
         put?: never;
         post?: never;
@@ -784,7 +805,10 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** Get a key */
+        /**
+         * Get a key
+         * @description Name, role and times of a key. Its secret is not shown again.
+         */
         get: operations["get_key"];
         put?: never;
         post?: never;
@@ -849,10 +873,16 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** List the objects */
+        /**
+         * List the objects
+         * @description Pages of objects, by default all of them; `labels` selects.
+         */
         get: operations["list_objects"];
         put?: never;
-        /** Create an object */
+        /**
+         * Create an object
+         * @description Creates an object without data. Store its mesh or its training readings next.
+         */
         post: operations["create_object"];
         delete?: never;
         options?: never;
@@ -867,7 +897,10 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** Get an object */
+        /**
+         * Get an object
+         * @description Name, description, labels and what the object has to be trained from.
+         */
         get: operations["get_object"];
         put?: never;
         post?: never;
@@ -879,7 +912,10 @@ export interface paths {
         delete: operations["delete_object"];
         options?: never;
         head?: never;
-        /** Rename or describe an object */
+        /**
+         * Rename or describe an object
+         * @description Changes the given fields. Trained versions keep the name with which they were trained.
+         */
         patch: operations["update_object"];
         trace?: never;
     };
@@ -937,7 +973,10 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** List an object's training readings */
+        /**
+         * List an object's training readings
+         * @description Pages of the readings from which the object is trained, in the order of their storage.
+         */
         get: operations["list_object_readings"];
         put?: never;
         /**
@@ -1068,7 +1107,10 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** List the sensors */
+        /**
+         * List the sensors
+         * @description Pages of sensors: the presets and those that were described.
+         */
         get: operations["list_sensors"];
         put?: never;
         /**
@@ -1092,7 +1134,10 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** Get a sensor */
+        /**
+         * Get a sensor
+         * @description Geometry and response of a sensor, and the number of its current calibration.
+         */
         get: operations["get_sensor"];
         put?: never;
         post?: never;
@@ -1298,7 +1343,10 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** Get a session */
+        /**
+         * Get a session
+         * @description Settings, state and number of readings of a session. `GET …/belief` has its answer.
+         */
         get: operations["get_session"];
         /**
          * Forward a session
@@ -1308,7 +1356,10 @@ export interface paths {
          */
         put: operations["forward_session"];
         post?: never;
-        /** Delete a session with its readings */
+        /**
+         * Delete a session with its readings
+         * @description Removes the session and everything that was stored of it. It cannot be undone.
+         */
         delete: operations["delete_session"];
         options?: never;
         head?: never;
@@ -1666,7 +1717,10 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** List the webhooks */
+        /**
+         * List the webhooks
+         * @description Pages of webhooks, without their secrets.
+         */
         get: operations["list_webhooks"];
         put?: never;
         /**
@@ -1689,7 +1743,10 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** Get a webhook */
+        /**
+         * Get a webhook
+         * @description URL, events and state of a webhook, without its secret.
+         */
         get: operations["get_webhook"];
         put?: never;
         post?: never;
@@ -1735,7 +1792,10 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** Get a delivery to a webhook */
+        /**
+         * Get a delivery to a webhook
+         * @description An event of a webhook with its body and every attempt to deliver it.
+         */
         get: operations["get_webhook_delivery"];
         put?: never;
         post?: never;
@@ -1815,7 +1875,10 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** Show the caller's key and role */
+        /**
+         * Show the caller's key and role
+         * @description The role of the caller and, on a server with keys, the key of the request.
+         */
         get: operations["whoami"];
         put?: never;
         post?: never;
@@ -1832,7 +1895,10 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** Get the server's version */
+        /**
+         * Get the server's version
+         * @description Name and version of the program, and the version of the API.
+         */
         get: operations["version"];
         put?: never;
         post?: never;
@@ -1843,7 +1909,28 @@ export interface paths {
         trace?: never;
     };
 }
-export type webhooks = Record<string, never>;
+export interface webhooks {
+    event: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Receive an event
+         * @description Posted to the URL of a webhook, signed as Standard Webhooks say. Any answer but these is tried again.
+         */
+        post: operations["receive_webhook_event"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+}
 export interface components {
     schemas: {
         /** @description Acknowledges the alarms of sessions. */
@@ -2183,9 +2270,6 @@ export interface components {
          * @enum {string}
          */
         AxisUnit: "m" | "rad";
-        BTreeMap: {
-            [key: string]: string;
-        };
         /** @description Belief about a session's object: its identity and pose, with their uncertainty. */
         Belief: {
             /**
@@ -2357,7 +2441,7 @@ export interface components {
             /** @description Past and present current versions, newest first; at most 100 entries. */
             history: components["schemas"]["CurrentVersion"][];
             /** @description Its labels. */
-            labels?: components["schemas"]["BTreeMap"];
+            labels?: components["schemas"]["Labels"];
             /**
              * Format: int32
              * @description Number of the newest version; 0 if there is none.
@@ -2770,7 +2854,7 @@ export interface components {
             /** @description Description for people; the service ignores it. */
             description?: string;
             /** @description Labels for searches: at most 16, as `PUT …/labels` describes them. */
-            labels?: components["schemas"]["BTreeMap"];
+            labels?: components["schemas"]["Labels"];
             /**
              * @description Unique name: 1 to 64 letters, digits, `.`, `_` or `-`.
              * @example mug
@@ -2783,7 +2867,7 @@ export interface components {
             description?: components["schemas"]["DescribeSensor"] | null;
             image_order?: components["schemas"]["ImageOrder"] | null;
             /** @description Labels for searches: at most 16, as `PUT …/labels` describes them. */
-            labels?: components["schemas"]["BTreeMap"];
+            labels?: components["schemas"]["Labels"];
             /**
              * @description Unique name: 1 to 64 letters, digits, `.`, `_` or `-`.
              * @example left-finger
@@ -2824,7 +2908,7 @@ export interface components {
              */
             frame_id?: string | null;
             /** @description Labels for searches: at most 16, as `PUT …/labels` describes them. */
-            labels?: components["schemas"]["BTreeMap"];
+            labels?: components["schemas"]["Labels"];
             method?: components["schemas"]["Method"] | null;
             object_moves?: components["schemas"]["Looseness"] | null;
             /**
@@ -3516,6 +3600,10 @@ export interface components {
          * @enum {string}
          */
         JobState: "queued" | "running" | "succeeded" | "failed" | "cancelled";
+        /** @description Keys and their values, by which things are found. */
+        Labels: {
+            [key: string]: string;
+        };
         /** @description What a list of taxels means for images. */
         Layout: {
             /** @description Way in which values become images. */
@@ -3541,13 +3629,13 @@ export interface components {
         Looseness: {
             /**
              * Format: double
-             * @description Standard deviation about each axis, in radians, at most 1.
+             * @description Standard deviation about each axis, in radians, 1e-9 to 1.
              * @example 0.05
              */
             angle_rad: number;
             /**
              * Format: double
-             * @description Standard deviation in each direction, in metres, at most 0.1.
+             * @description Standard deviation in each direction, in metres, 1e-9 to 0.1.
              * @example 0.003
              */
             position_m: number;
@@ -3694,7 +3782,7 @@ export interface components {
             version: number;
         };
         /** @description The servers that divide the objects of catalogues among them. */
-        Members: {
+        MemberServers: {
             /**
              * Format: int32
              * @description Number of servers that hold each object; null if this server holds whole catalogues.
@@ -3950,7 +4038,7 @@ export interface components {
              */
             id: string;
             /** @description Its labels. */
-            labels?: components["schemas"]["BTreeMap"];
+            labels?: components["schemas"]["Labels"];
             mesh?: components["schemas"]["MeshInfo"] | null;
             /**
              * Format: int32
@@ -4415,11 +4503,7 @@ export interface components {
              * @example 17
              */
             seq?: number | null;
-            /**
-             * @description Shear of three-axis taxels in pascal: two values for each taxel, along the sensor's +x and
-             *     +y, in the order of the image; `null` marks a taxel without a value. It is stored and
-             *     returned with the reading. No method uses it yet, and the answer warns.
-             */
+            /** @description Shear of three-axis taxels in pascal: two values for each taxel, along the sensor's +x and +y, in the order of the image; `null` marks a taxel without a value. It is stored and returned with the reading. No method uses it yet, and the answer warns. */
             shear?: (number[] | null)[] | null;
             stamp?: components["schemas"]["Stamp"] | null;
         };
@@ -5052,7 +5136,7 @@ export interface components {
              */
             id: string;
             /** @description Its labels. */
-            labels?: components["schemas"]["BTreeMap"];
+            labels?: components["schemas"]["Labels"];
             layout?: components["schemas"]["Layout"] | null;
             /** @description Unique name of the sensor. */
             name: string;
@@ -5354,6 +5438,15 @@ export interface components {
              */
             pressures: (number | null)[];
         };
+        /** @description Name and version of the server. */
+        ServerVersion: {
+            /** @description Version of the API, as in its path. */
+            api: string;
+            /** @description Name of the service: `palpate`. */
+            name: string;
+            /** @description Version of the server. */
+            version: string;
+        };
         /** @description A session: one object that is touched. */
         Session: {
             /**
@@ -5389,7 +5482,7 @@ export interface components {
              */
             id: string;
             /** @description Its labels. */
-            labels?: components["schemas"]["BTreeMap"];
+            labels?: components["schemas"]["Labels"];
             latest?: components["schemas"]["TracePoint"] | null;
             leased_by?: components["schemas"]["Writer"] | null;
             /**
@@ -5558,7 +5651,7 @@ export interface components {
              * @description Keys and their values: at most 16. A key is 1 to 64 letters, digits, `.`, `_`, `/` or `-`, a
              *     value at most 128 characters without a comma.
              */
-            labels: components["schemas"]["BTreeMap"];
+            labels: components["schemas"]["Labels"];
         };
         /** @description An answer at the end of a replay. */
         ShadowAnswer: {
@@ -6377,15 +6470,6 @@ export interface components {
             events?: components["schemas"]["WebhookEventType"][] | null;
             /** @description A new URL. Waiting deliveries go there, too. */
             url?: string | null;
-        };
-        /** @description Name and version of the server. */
-        Version: {
-            /** @description Version of the API, as in its path. */
-            api: string;
-            /** @description Name of the service: `palpate`. */
-            name: string;
-            /** @description Version of the server. */
-            version: string;
         };
         /** @description A version of a catalogue, to be fetched by a cell: its description, and its blocks by hash. */
         VersionPackage: {
@@ -11946,6 +12030,26 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
+            /** @description The request conflicts with the current state, or its name or number is taken */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "the name \"mug\" is taken",
+                     *       "errors": [],
+                     *       "instance": "/v1/catalogues/{name}/versions/{version}/objects/{object}/map",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 409,
+                     *       "title": "Conflict",
+                     *       "type": "urn:palpate:problem:conflict"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
             /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
@@ -14388,11 +14492,20 @@ export interface operations {
                 };
                 content: {
                     /**
-                     * @example event: belief
-                     *     id: 3
-                     *     data: {"kind":"belief","belief":{"session":"01a216ae-a6fd-7708-a60b-fd899eccb73f","revision":3,"n_readings":0,"objects":[{"object":"01a216ae-5a02-757e-b81c-bb5933cb0345","name":"mug","probability":0.47500000000000003},{"object":"01a216ae-5a0a-7106-a8c5-7a2e9471c7c6","name":"hammer","probability":0.…
+                     * @example {
+                     *       "data": "{\"kind\": \"belief\", \"belief\": {\"session\": \"01a216ae-a957-76e8-be62-f98072395b0d\", \"revision\": 3, \"n_readings\": 3, \"objects\": [{\"object\": \"01a216ae-5a02-757e-b81c-bb5933cb0345\", \"name\": \"mug\", \"probability\": 0.999738}, {\"object\": \"01a216ae-5a0a-7106-a8c5-7a2e9471c7c6\", \"name\": \"hammer\", \"probability\": 1.27754e-14}], \"unknown\": 0.000262113, \"stop\": null, \"calibrated\": true, \"uncalibrated_reason\": null, \"entropy_bits\": 0.00349659, \"poses\": [{\"object\": \"01a216ae-5a02-757e-b81c-bb5933cb0345\", \"name\": \"mug\", \"weight\": 0.940034, \"pose\": {\"position\": [-0.128816, -0.0221091, -0.165023], \"orientation\": [-0.0826887, -0.945971, 0.260873, 0.173916]}, \"session_from_model\": {\"position\": [-0.128816, -0.0221091, -0.165023], \"orientation\": [-0.0826887, -0.945971, 0.260873, 0.173916]}, \"covariance\": [4.52674e-06, 4.54563e-06, 7.15075e-06, 0.000350075, -0.000165098, 1.96137e-06, 4.54563e-06, 9.44904e-06, 1.00514e-05, 0.000823743, -0.000230561, -9.4481e-05, 7.15075e-06, 1.00514e-05, 1.63822e-05, 0.00073556, -0.000353152, -5.37613e-05, 0.000350075, 0.000823743, 0.00073556, 0.128696, -0.0347139, -0.0164658, -0.000165098, -0.000230561, -0.000353152, -0.0347139, 0.0198819, -2.45917e-05, 1.96137e-06, -9.4481e-05, -5.37613e-05, -0.0164658, -2.45917e-05, 0.00614838], \"symmetry\": []}], \"warnings\": []}}",
+                     *       "event": "belief",
+                     *       "id": "3"
+                     *     }
                      */
-                    "text/event-stream": string;
+                    "text/event-stream": {
+                        /** @description A `SessionEvent` as JSON. */
+                        data: string;
+                        /** @enum {string} */
+                        event: "belief" | "closed" | "deleted";
+                        /** @description The belief's revision, for `Last-Event-ID`. */
+                        id?: string;
+                    };
                 };
             };
             /** @description The API key is missing or not valid */
@@ -16387,10 +16500,19 @@ export interface operations {
                 };
                 content: {
                     /**
-                     * @example event: job
-                     *     data: {"id":"01a216ae-8f2c-757c-9f94-cbc14b9d1a93","catalogue":"default","state":"succeeded","stage":null,"done":0,"total":0,"eta_s":null,"training":{"objects":["01a216ae-5a02-757e-b81c-bb5933cb0345","01a216ae-5a0a-7106-a8c5-7a2e9471c7c6"],"sensor":"01a216ae-5244-75cb-a116-ff15aaa1169e","sensor_kno…
+                     * @example {
+                     *       "data": "{\"id\": \"01a216ae-8f2c-757c-9f94-cbc14b9d1a93\", \"catalogue\": \"default\", \"state\": \"succeeded\", \"stage\": null, \"done\": 0, \"total\": 0, \"eta_s\": null, \"training\": {\"objects\": [\"01a216ae-5a02-757e-b81c-bb5933cb0345\", \"01a216ae-5a0a-7106-a8c5-7a2e9471c7c6\"], \"sensor\": \"01a216ae-5244-75cb-a116-ff15aaa1169e\", \"sensor_knowledge\": \"measured\", \"readings_per_object\": 400, \"surface_readings_per_object\": 400, \"seed\": 7, \"n_classes\": 25, \"descriptor\": \"mnti\", \"surface\": true, \"sva\": false, \"activate\": true, \"strict\": false}, \"recalibration\": null, \"shadow\": null, \"shadow_report\": null, \"version\": 1, \"reason\": null, \"created_at\": \"2026-11-26T07:07:48.396Z\", \"started_at\": \"2026-11-26T07:07:48.397Z\", \"finished_at\": \"2026-11-26T07:07:51.155Z\"}",
+                     *       "event": "job"
+                     *     }
                      */
-                    "text/event-stream": string;
+                    "text/event-stream": {
+                        /** @description A `Job` as JSON. */
+                        data: string;
+                        /** @enum {string} */
+                        event: "job";
+                        /** @description The belief's revision, for `Last-Event-ID`. */
+                        id?: string;
+                    };
                 };
             };
             /** @description The API key is missing or not valid */
@@ -17725,7 +17847,7 @@ export interface operations {
                      *       "n_foreign": 0
                      *     }
                      */
-                    "application/json": components["schemas"]["Members"];
+                    "application/json": components["schemas"]["MemberServers"];
                 };
             };
             /** @description The API key is missing or not valid */
@@ -27762,11 +27884,20 @@ export interface operations {
                 };
                 content: {
                     /**
-                     * @example event: belief
-                     *     id: 3
-                     *     data: {"kind":"belief","belief":{"session":"01a216ae-a6fd-7708-a60b-fd899eccb73f","revision":3,"n_readings":0,"objects":[{"object":"01a216ae-5a02-757e-b81c-bb5933cb0345","name":"mug","probability":0.47500000000000003},{"object":"01a216ae-5a0a-7106-a8c5-7a2e9471c7c6","name":"hammer","probability":0.…
+                     * @example {
+                     *       "data": "{\"kind\": \"belief\", \"belief\": {\"session\": \"01a216ae-a957-76e8-be62-f98072395b0d\", \"revision\": 3, \"n_readings\": 3, \"objects\": [{\"object\": \"01a216ae-5a02-757e-b81c-bb5933cb0345\", \"name\": \"mug\", \"probability\": 0.999738}, {\"object\": \"01a216ae-5a0a-7106-a8c5-7a2e9471c7c6\", \"name\": \"hammer\", \"probability\": 1.27754e-14}], \"unknown\": 0.000262113, \"stop\": null, \"calibrated\": true, \"uncalibrated_reason\": null, \"entropy_bits\": 0.00349659, \"poses\": [{\"object\": \"01a216ae-5a02-757e-b81c-bb5933cb0345\", \"name\": \"mug\", \"weight\": 0.940034, \"pose\": {\"position\": [-0.128816, -0.0221091, -0.165023], \"orientation\": [-0.0826887, -0.945971, 0.260873, 0.173916]}, \"session_from_model\": {\"position\": [-0.128816, -0.0221091, -0.165023], \"orientation\": [-0.0826887, -0.945971, 0.260873, 0.173916]}, \"covariance\": [4.52674e-06, 4.54563e-06, 7.15075e-06, 0.000350075, -0.000165098, 1.96137e-06, 4.54563e-06, 9.44904e-06, 1.00514e-05, 0.000823743, -0.000230561, -9.4481e-05, 7.15075e-06, 1.00514e-05, 1.63822e-05, 0.00073556, -0.000353152, -5.37613e-05, 0.000350075, 0.000823743, 0.00073556, 0.128696, -0.0347139, -0.0164658, -0.000165098, -0.000230561, -0.000353152, -0.0347139, 0.0198819, -2.45917e-05, 1.96137e-06, -9.4481e-05, -5.37613e-05, -0.0164658, -2.45917e-05, 0.00614838], \"symmetry\": []}], \"warnings\": []}}",
+                     *       "event": "belief",
+                     *       "id": "3"
+                     *     }
                      */
-                    "text/event-stream": string;
+                    "text/event-stream": {
+                        /** @description A `SessionEvent` as JSON. */
+                        data: string;
+                        /** @enum {string} */
+                        event: "belief" | "closed" | "deleted";
+                        /** @description The belief's revision, for `Last-Event-ID`. */
+                        id?: string;
+                    };
                 };
             };
             /** @description The API key is missing or not valid */
@@ -30939,7 +31070,7 @@ export interface operations {
                  * @description The reading's number within the session
                  * @example 0
                  */
-                number: string;
+                number: number;
             };
             cookie?: never;
         };
@@ -31228,7 +31359,7 @@ export interface operations {
                  * @description The reading's `seq`
                  * @example 17
                  */
-                seq: string;
+                seq: number;
             };
             cookie?: never;
         };
@@ -34783,7 +34914,7 @@ export interface operations {
                      *       "version": "0.1.0"
                      *     }
                      */
-                    "application/json": components["schemas"]["Version"];
+                    "application/json": components["schemas"]["ServerVersion"];
                 };
             };
             /** @description The client exceeds its share; `Retry-After` says when to try again */
@@ -34857,6 +34988,35 @@ export interface operations {
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
+            };
+        };
+    };
+    receive_webhook_event: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["WebhookEvent"];
+            };
+        };
+        responses: {
+            /** @description No more events are wanted: the webhook is disabled */
+            410: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description The event has arrived */
+            "2XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
             };
         };
     };

@@ -7,11 +7,10 @@ use axum::extract::Request;
 use axum::http::header;
 use futures::StreamExt;
 
-use crate::admission::share;
+use crate::admission::Room;
 use crate::app::App;
-use crate::budget::{Budget, Holding, Over};
 use crate::client::Client;
-use crate::refusal::{LoadError, Refusal, RequestError};
+use crate::refusal::{Refusal, RequestError};
 
 /// Multiple of its limit up to which a too long body is read and discarded, so that the
 /// robot, still sending, gets to read the answer.
@@ -26,23 +25,23 @@ struct Time {
     pause: Duration,
 }
 
-/// The request with its complete body, and the memory reserved for the body.
+/// The request with its complete body. The memory reserved for it is an extension of it, too.
 pub(super) async fn receive(
     app: &App,
     request: Request,
     client: Option<Client>,
-) -> Result<(Request, Holding), Refusal> {
-    let bodies = &app.admission.bodies;
-    let mut room = bodies.take(client, 0).map_err(|over| full(bodies, over))?;
+) -> Result<(Request, Room), Refusal> {
+    let room = Room::new(&app.admission.bodies, client)?;
     let config = &app.config;
     let is_json = content_type_is_structured(&request);
     let max = if is_json { config.json_bytes_max } else { config.mesh_bytes_max };
     let time = Time { whole: config.body_timeout, pause: config.patience.body };
-    let (parts, body) = request.into_parts();
-    let reading = read(body, max, &mut room, bodies, time.pause);
+    let (mut parts, body) = request.into_parts();
+    let reading = read(body, max, &room, time.pause);
     let within = time.whole;
     let bytes = tokio::time::timeout(within, reading).await;
     let bytes = bytes.map_err(|_| RequestError::BodyTooSlow { within })??;
+    parts.extensions.insert(room.clone());
     Ok((Request::from_parts(parts, Body::from(bytes)), room))
 }
 
@@ -53,13 +52,7 @@ fn content_type_is_structured(request: &Request) -> bool {
     value.contains("json") || value.contains("msgpack")
 }
 
-async fn read(
-    body: Body,
-    max: usize,
-    room: &mut Holding,
-    bodies: &Budget,
-    pause: Duration,
-) -> Result<Bytes, Refusal> {
+async fn read(body: Body, max: usize, room: &Room, pause: Duration) -> Result<Bytes, Refusal> {
     let mut stream = body.into_data_stream();
     let mut bytes = Vec::new();
     let mut length = 0usize;
@@ -72,18 +65,11 @@ async fn read(
             chunk.map_err(|error| RequestError::Unreadable { reason: error.to_string() })?;
         length += chunk.len();
         if length <= max {
-            room.grow_to(length).map_err(|over| full(bodies, over))?;
+            room.grow_to(length)?;
             bytes.extend_from_slice(&chunk);
         } else if length > DRAIN_FACTOR.saturating_mul(max) {
             break;
         }
     }
     if length > max { Err(RequestError::BodyTooLarge { max }.into()) } else { Ok(bytes.into()) }
-}
-
-fn full(bodies: &Budget, over: Over) -> LoadError {
-    match over {
-        Over::Total => LoadError::BodiesFull { used: bodies.used(), max: bodies.total() },
-        Over::Share => share("bodies", "content-bytes", bodies),
-    }
 }

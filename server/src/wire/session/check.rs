@@ -1,6 +1,6 @@
 //! Checks of a new session's options and prior, with every default filled in.
 
-use palpate_core::units::Shown;
+use palpate_core::units::Beyond;
 use palpate_recogniser::options::SurfaceOptions;
 use palpate_schemas as wire;
 use palpate_schemas::Method;
@@ -11,7 +11,7 @@ use super::{BINS, Options, PARTICLES};
 use crate::model::Model;
 use crate::wire::Invalid;
 use crate::wire::reading::looseness;
-use crate::wire::{camera, count, geometry, text, within};
+use crate::wire::{camera, count, geometry, outside, range, text, within};
 
 /// Tolerance of the sum of probabilities about 1.
 const SUM_TOLERANCE: f64 = 1e-6;
@@ -116,8 +116,8 @@ pub(super) fn prior(
         })?;
         let probability = entry.probability;
         if !(0.0..=1.0).contains(&probability) {
-            let detail = format!("came {}, expected 0 to 1", Shown(probability));
-            return Err(Invalid::field(format!("/prior/{index}/probability"), detail));
+            let at = format!("/prior/{index}/probability");
+            return Err(outside(at, probability, [0.0, 1.0], "0 to 1"));
         }
         if given[object].replace(probability).is_some() {
             let detail = format!("the object {:?} is named twice", entry.object);
@@ -128,6 +128,7 @@ pub(super) fn prior(
     let n_others = given.iter().filter(|probability| probability.is_none()).count();
     if sum > 1.0 + SUM_TOLERANCE || (n_others == 0 && sum < 1.0 - SUM_TOLERANCE) {
         let expected = if n_others == 0 { "exactly 1" } else { "at most 1" };
+        let sum = Beyond(sum, [1.0]);
         let detail = format!("the probabilities sum to {sum}, expected {expected}");
         return Err(Invalid::field("/prior", detail));
     }
@@ -160,7 +161,7 @@ fn risk(given: f64) -> Result<f64, Invalid> {
         return Ok(given);
     }
     let (low, high) = (RISKS.start(), RISKS.end());
-    Err(Invalid::field("/risk", format!("came {}, expected {low} to {high}", Shown(given))))
+    Err(outside("/risk", given, [*low, *high], &range(*low, *high)))
 }
 
 /// The probability of "none of these" before the first touch, checked.
@@ -168,8 +169,7 @@ fn unknown_prior(given: f64) -> Result<f64, Invalid> {
     if given > 0.0 && given < 1.0 {
         return Ok(given);
     }
-    let detail = format!("came {}, expected more than 0 and less than 1", Shown(given));
-    Err(Invalid::field("/unknown_prior", detail))
+    Err(outside("/unknown_prior", given, [0.0, 1.0], "more than 0 and less than 1"))
 }
 
 /// Bins of the histogram filter, checked.
