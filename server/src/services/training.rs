@@ -14,6 +14,7 @@ mod material;
 mod skipping;
 mod surface;
 mod unseen;
+mod weight;
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -46,6 +47,7 @@ pub(crate) use keeping::Keeping;
 use material::{Material, gather};
 use skipping::Skipped;
 use surface::Decided;
+pub(crate) use weight::{Load, memory_bytes};
 
 /// Plan of a training.
 pub(crate) struct Plan {
