@@ -86,7 +86,7 @@ impl Live {
             n_readings: count(status.n_readings + n_new as u64),
             n_presses: belief.as_ref().map(|belief| belief.n_readings),
             belief: in_detail(belief, detail),
-            warnings: warnings(&readings, self.first_place()?, Some(options(&self.session).method)),
+            warnings: self.warned(readings.iter())?,
         })
     }
 
@@ -287,6 +287,15 @@ impl Live {
             BeliefDetail::None if self.is_followed() => Ok(self.tools.pool.place().ok()),
             BeliefDetail::None => Ok(None),
         }
+    }
+
+    /// The probable mistakes in readings that were just stored.
+    pub(super) fn warned<'a>(
+        &self,
+        readings: impl Iterator<Item = &'a Incoming> + Clone,
+    ) -> Result<Vec<wire::Warning>, LiveError> {
+        let method = Some(options(&self.session).method);
+        Ok(warnings(readings, self.first_place()?, method))
     }
 
     /// The place of the session's first reading, if it has one.
