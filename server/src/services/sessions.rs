@@ -227,7 +227,12 @@ impl Sessions {
     }
 
     fn show(&self, session: &Session) -> Result<wire::Session, StoreError> {
-        self.show_as(session, status(&self.tools.store, session, now_ms())?)
+        self.show_as(session, self.status(session)?)
+    }
+
+    /// The status of a session now.
+    fn status(&self, session: &Session) -> Result<Status, StoreError> {
+        status(&self.tools.store, session, &self.tools.store.running(now_ms()))
     }
 
     fn show_as(&self, session: &Session, status: Status) -> Result<wire::Session, StoreError> {

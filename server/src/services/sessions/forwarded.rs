@@ -44,7 +44,7 @@ impl Sessions {
         let session = convert::session::new_session(&asked, method, &model, id, limits)?;
         let session = forwarding::of_cell(session, &request.cell);
         fits(&session, &model, self.belief_bytes_max)?;
-        match self.begin(session, model, now_ms()).await {
+        match self.begin(session, model).await {
             // Another request of the cell was faster.
             Err(SessionError::Cause(Cause::Store(StoreError::Exists { .. }))) => {
                 Ok(self.show(&self.tools.store.sessions().get(id)?)?)
