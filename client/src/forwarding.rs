@@ -1,8 +1,8 @@
 //! Forwarding: what a cell brings to the central service, and what it fetches from there.
 
 use palpate_schemas::{
-    EntriesForwarded, ForwardEntries, ForwardSession, Forwarding, SensorPackage, Session,
-    VersionPackage,
+    EntriesForwarded, ForwardEntries, ForwardSession, Forwarding, PageQuery, SensorPackage,
+    Session, VersionPackage,
 };
 use uuid::Uuid;
 
@@ -74,11 +74,18 @@ impl Client {
         self.send_for_file(Request::get(path)).await
     }
 
-    /// Returns a sensor with its calibrations as a package.
+    /// Returns a sensor with a page of its calibrations as a package.
     ///
     /// # Errors
     /// [`Error`].
-    pub async fn sensor_package(&self, sensor: &str) -> Result<SensorPackage, Error> {
-        self.send(Request::get(["v1", "sensors", sensor, "package"])).await
+    pub async fn sensor_package(
+        &self,
+        sensor: &str,
+        page: &PageQuery,
+    ) -> Result<SensorPackage, Error> {
+        let request = Request::get(["v1", "sensors", sensor, "package"])
+            .query("limit", page.limit)
+            .query("cursor", page.cursor.as_deref());
+        self.send(request).await
     }
 }

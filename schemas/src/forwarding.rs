@@ -7,6 +7,7 @@ use uuid::Uuid;
 
 use crate::reading::Reading;
 use crate::session::CreateSession;
+use crate::warning::Warning;
 
 /// A session of a cell, as the cell created it.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
@@ -48,7 +49,7 @@ pub struct ForwardedEntry {
 }
 
 /// Result of forwarding entries.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct EntriesForwarded {
     /// The session's id.
     pub session: Uuid,
@@ -56,6 +57,9 @@ pub struct EntriesForwarded {
     pub n_new: u32,
     /// Number of entries of the session's journal now, with those that were already there.
     pub revision: u32,
+    /// Probable mistakes in the readings, as when they are added directly.
+    #[serde(default)]
+    pub warnings: Vec<Warning>,
 }
 
 /// A version of a catalogue, to be fetched by a cell: its description, and its blocks by hash.
@@ -75,15 +79,21 @@ pub struct VersionPackage {
     pub blocks: Vec<String>,
 }
 
-/// A sensor with its calibrations, to be fetched by a cell.
+/// A sensor with a page of its calibrations, to be fetched by a cell.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 pub struct SensorPackage {
     /// Name of the sensor.
     pub name: String,
     /// The sensor's stored record (`docs/formats.md`), in base64.
     pub record: String,
+    /// Number of its calibrations before those of this page.
+    #[serde(default)]
+    pub first: u32,
     /// The stored records of its calibrations, the oldest first, in base64.
     pub calibrations: Vec<String>,
+    /// Cursor of the next page; null on the last page.
+    #[serde(default)]
+    pub next_cursor: Option<String>,
 }
 
 /// Whether this server is a cell that forwards its sessions, and how far it is.

@@ -11,7 +11,7 @@ use crate::clock::now_ms;
 use crate::extract::{parse, parse_msgpack};
 use crate::services::sensors::Sensors;
 use crate::wire::felt::from_store;
-use crate::wire::reading::{check_size, readings};
+use crate::wire::reading::{check_size, given, readings};
 
 /// Encoding of a body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,8 +62,9 @@ impl Intake {
             Form::MessagePack => parse_msgpack(body, &|_| Ok(())),
         };
         let taken = parsed.and_then(|body| {
-            check_size(&body.readings)?;
-            Ok(readings(&body.readings, self.sensors.sources(&body.readings)?, None)?)
+            let given = given(&body.readings);
+            check_size("/readings", given.len(), &given)?;
+            Ok(readings(&given, self.sensors.sources(&given)?, None)?)
         });
         let taken = taken.map_err(|refusal| {
             let words = refusal.to_string();

@@ -49,6 +49,8 @@ pub mod openapi;
 mod router;
 pub mod server;
 
+#[doc(hidden)]
+pub use clock::set_ahead as set_clock_ahead;
 pub use config::{Access, Config, Dividing, Forward};
 pub use door::Patience;
 pub use outbox::{Outbox, OutboxError};

@@ -228,7 +228,7 @@ impl Live {
         let (store, id) = (&self.tools.store, self.session.id);
         let unknown = || Cause::unknown("session", id);
         let session = store.sessions().find(id)?.ok_or_else(unknown)?;
-        Ok(status(store, &session, now)?)
+        Ok(status(store, &session, &store.running(now))?)
     }
 
     /// Number of entries of the journal.

@@ -27,7 +27,7 @@ pub(crate) fn new_readings(
         };
         if let Some(first) = first.get(id) {
             if !readings[*first].stored.is_repeated_by(&reading.stored) {
-                return Err(twice(id, *first, index));
+                return Err(twice(id, &readings[*first], reading));
             }
             continue;
         }
@@ -37,7 +37,7 @@ pub(crate) fn new_readings(
             Some(before) if before.is_repeated_by(&reading.stored) => {}
             Some(_) => {
                 return Err(Cause::ReadingConflict {
-                    pointer: format!("/readings/{index}"),
+                    pointer: reading.pointer.clone(),
                     robot: id.robot.clone(),
                     seq: id.seq,
                 });
@@ -48,13 +48,14 @@ pub(crate) fn new_readings(
 }
 
 /// The refusal of two different readings of one request under one number.
-fn twice(id: &ReadingId, first: usize, second: usize) -> Cause {
+fn twice(id: &ReadingId, first: &Incoming, second: &Incoming) -> Cause {
     let ReadingId { robot, seq } = id;
-    let error = |index: usize, other: usize| FieldError {
-        pointer: format!("/readings/{index}/seq"),
+    let error = |one: &Incoming, other: &Incoming| FieldError {
+        pointer: format!("{}/seq", one.pointer),
         detail: format!(
-            "readings {first} and {second} of the request both are reading {seq} of robot \
-             {robot:?}, with different content: expected another seq than that of reading {other}"
+            "{} and {} both are reading {seq} of robot {robot:?}, with different content: expected \
+             another seq than that of {}",
+            first.pointer, second.pointer, other.pointer
         ),
     };
     Invalid(vec![error(second, first), error(first, second)]).into()

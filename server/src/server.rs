@@ -60,6 +60,7 @@ pub struct Server {
     webhooks: Arc<Webhooks>,
     sessions: Arc<Sessions>,
     audit: Arc<Audit>,
+    time_keeper: Arc<Keys>,
     engine: Arc<dyn Engine>,
     outbox: Option<Outbox>,
     scheme: &'static str,
@@ -120,7 +121,7 @@ impl Server {
         let delivering = tokio::spawn(Arc::clone(&webhooks).work(stopping.clone()));
         let audit = Arc::clone(&app.audit);
         let outbox = app.outgoing.forward().map(|_| Outbox::new(app.clone()));
-        tokio::spawn(time_keeper.keep_time(stopping.clone()));
+        tokio::spawn(Arc::clone(&time_keeper).keep_time(stopping.clone()));
         integrity::check(checked, checked_catalogues, stopping.clone())?;
         let door = Door {
             listener,
@@ -142,6 +143,7 @@ impl Server {
             webhooks,
             sessions,
             audit,
+            time_keeper,
             engine,
             outbox,
             scheme,
@@ -197,6 +199,10 @@ impl Server {
         drop(self.webhooks);
         self.audit.store().await;
         drop(self.audit);
+        if let Err(error) = self.time_keeper.store_time().await {
+            tracing::warn!(%error, "Cannot store the time");
+        }
+        drop(self.time_keeper);
         let sessions = self.sessions;
         if tokio::task::spawn_blocking(move || sessions.store_beliefs()).await.is_err() {
             tracing::error!("Storing checkpoints of beliefs panicked");

@@ -104,6 +104,14 @@ impl Kept {
         entries.map(|entry| Ok(usize::from(is_whole(entry?.path())))).sum()
     }
 
+    /// The bytes of all files.
+    ///
+    /// # Errors
+    /// When the folder cannot be read.
+    pub fn n_bytes(&self) -> io::Result<u64> {
+        std::fs::read_dir(&self.folder)?.map(|entry| Ok(entry?.metadata()?.len())).sum()
+    }
+
     fn file(&self, cause: &Cause) -> PathBuf {
         self.folder.join(cause.0.to_hex().as_str()).with_extension(EXTENSION)
     }
@@ -111,6 +119,18 @@ impl Kept {
 
 /// Extension of a whole file.
 const EXTENSION: &str = "touches";
+
+/// The bytes of a file of these lists.
+#[must_use]
+pub fn n_bytes(lists: &[&[Reading]]) -> u64 {
+    let reading = |reading: &Reading| READING_BYTES + 8 * reading.values().len() as u64;
+    let list = |list: &&[Reading]| 4 + list.iter().map(reading).sum::<u64>();
+    HEAD_BYTES + lists.iter().map(list).sum::<u64>()
+}
+
+/// Bytes of a file before its lists, and of a reading before its values.
+const HEAD_BYTES: u64 = 32 + 4;
+const READING_BYTES: u64 = 16 + 8 * (3 + 4 + 1) + 4;
 
 /// The hash of what follows, and the lists, little-endian: their number, and of each its length
 /// and its readings.

@@ -6,9 +6,10 @@
 //! the ring of changes when nothing was changed. An entry without a status may or may not
 //! have taken effect: the server stopped, or the caller went away. Sequence numbers count
 //! over all rings, increase and are never reused; times never decrease. Both hold over all servers
-//! that write to one log (`crowd`).
+//! that write to one log (`crowd`). In a full ring the key with most entries makes room (`shares`).
 
 mod stored;
+mod shares;
 mod crowd;
 
 use std::collections::BTreeSet;
@@ -25,14 +26,13 @@ use crate::pieces;
 use crate::record;
 pub(crate) use crowd::AuditHeadV1;
 use crowd::Crowd;
+use shares::{Maker, Shares};
 
 /// Maximum number of old entries removed by one commit after the log was opened with smaller
 /// rings.
 const TRIM_MAX: u64 = 1000;
 /// Number of keys per read.
 const KEYS_PER_SCAN: usize = 1024;
-/// Length of an entry's key: the space's letter and the number.
-const KEY_BYTES: usize = 9;
 
 /// A part of the log with its own size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,6 +86,11 @@ pub struct AuditEntry {
 }
 
 impl AuditEntry {
+    /// The key whose share of a ring it takes.
+    fn maker(&self) -> Maker {
+        self.key.as_ref().map(|(id, _)| *id)
+    }
+
     /// The ring for an entry with this outcome.
     #[must_use]
     pub fn ring(&self) -> Ring {
@@ -125,8 +130,8 @@ pub struct AuditLog {
 struct Known {
     next: u64,
     last_ms: u64,
-    /// Sequence numbers in each ring, in the order of [`Ring::ALL`].
-    rings: [BTreeSet<u64>; 3],
+    /// The entries of each ring, in the order of [`Ring::ALL`].
+    rings: [Shares; 3],
     /// Unsettled entries, which displace none.
     pending: BTreeSet<u64>,
 }
@@ -138,13 +143,13 @@ impl AuditLog {
         sizes: RingSizes,
         is_essential: fn(&str) -> bool,
     ) -> Result<Self, StoreError> {
-        let mut rings: [BTreeSet<u64>; 3] = Default::default();
+        let mut rings: [Shares; 3] = Default::default();
         for ring in Ring::ALL {
-            rings[ring as usize] = numbers(&*engine, ring)?;
+            rings[ring as usize] = stored_shares(&*engine, ring)?;
         }
         let newest = Ring::ALL
             .into_iter()
-            .filter_map(|ring| rings[ring as usize].last().map(|seq| (*seq, ring)))
+            .filter_map(|ring| rings[ring as usize].last().map(|seq| (seq, ring)))
             .max_by_key(|(seq, _)| *seq);
         let next = newest.map_or(1, |(seq, _)| seq + 1);
         let pending = BTreeSet::new();
@@ -178,7 +183,7 @@ impl AuditLog {
             let mut known = self.known();
             let entry = AuditEntry { status: None, ..known.numbered(entry) };
             known.pending.insert(entry.seq);
-            known.rings[Ring::Changes as usize].insert(entry.seq);
+            known.rings[Ring::Changes as usize].insert(entry.seq, entry.maker());
             let commit = put(Commit::new(), Ring::Changes, &entry);
             let engine = self.engine_of(&entry);
             (entry, engine.commit(commit))
@@ -200,7 +205,7 @@ impl AuditLog {
             let mut known = self.known();
             let entry = known.numbered(entry);
             let ring = entry.ring();
-            known.rings[ring as usize].insert(entry.seq);
+            known.rings[ring as usize].insert(entry.seq, entry.maker());
             let commit = put(Commit::new(), ring, &entry);
             let engine = self.engine_of(&entry);
             (entry, engine.commit(self.trim(commit, &mut known, ring)))
@@ -221,10 +226,10 @@ impl AuditLog {
             let ring = entry.ring();
             let mut commit = Commit::new();
             if ring != Ring::Changes {
-                known.rings[Ring::Changes as usize].remove(&entry.seq);
+                known.rings[Ring::Changes as usize].remove(entry.seq);
                 commit = commit.remove(key_of(Ring::Changes, entry.seq));
             }
-            known.rings[ring as usize].insert(entry.seq);
+            known.rings[ring as usize].insert(entry.seq, entry.maker());
             let commit = put(commit, ring, entry);
             self.engine_of(entry).commit(self.trim(commit, &mut known, ring))
         };
@@ -240,7 +245,7 @@ impl AuditLog {
         let pending = {
             let mut known = self.known();
             known.pending.remove(&entry.seq);
-            known.rings[Ring::Changes as usize].remove(&entry.seq);
+            known.rings[Ring::Changes as usize].remove(entry.seq);
             self.engine.commit(Commit::new().remove(key_of(Ring::Changes, entry.seq)))
         };
         pending.await.map_err(unconditional)?;
@@ -255,7 +260,7 @@ impl AuditLog {
         let pending = {
             let known = self.known();
             let ring = entry.ring();
-            if !known.rings[ring as usize].contains(&entry.seq) {
+            if !known.rings[ring as usize].contains(entry.seq) {
                 return Ok(());
             }
             self.engine_of(entry).commit(put(Commit::new(), ring, entry))
@@ -290,7 +295,7 @@ impl AuditLog {
         decoded.map_err(StoreError::damaged(space))
     }
 
-    /// Adds the removal of a ring's oldest settled entries above its limit.
+    /// Adds the removal of a ring's settled entries above its limit.
     fn trim(&self, commit: Commit, known: &mut Known, ring: Ring) -> Commit {
         let size = match ring {
             Ring::Changes => self.sizes.changes,
@@ -298,14 +303,15 @@ impl AuditLog {
             Ring::Strangers => self.sizes.strangers,
         };
         let Known { rings, pending, .. } = known;
-        let numbers = &mut rings[ring as usize];
+        let entries = &mut rings[ring as usize];
         let n_pending = if ring == Ring::Changes { pending.len() as u64 } else { 0 };
-        let above = (numbers.len() as u64).saturating_sub(n_pending + size.max(1));
-        let settled = numbers.iter().filter(|seq| !pending.contains(seq)).copied();
-        let old: Vec<u64> = settled.take(above.min(TRIM_MAX) as usize).collect();
-        old.into_iter().fold(commit, |commit, seq| {
-            numbers.remove(&seq);
-            commit.remove(key_of(ring, seq))
+        let above = entries.len().saturating_sub(n_pending + size.max(1));
+        (0..above.min(TRIM_MAX)).fold(commit, |commit, _| match entries.next_out(pending) {
+            None => commit,
+            Some(seq) => {
+                entries.remove(seq);
+                commit.remove(key_of(ring, seq))
+            }
         })
     }
 
@@ -326,11 +332,8 @@ impl Known {
 
     /// The `limit` largest numbers below `end`, largest first, with their rings.
     fn before(&self, end: Option<u64>, limit: usize) -> Vec<(u64, Ring)> {
-        let below = |ring: Ring| {
-            let numbers = &self.rings[ring as usize];
-            let numbers = numbers.range(..end.unwrap_or(u64::MAX)).rev().take(limit);
-            numbers.map(move |seq| (*seq, ring))
-        };
+        let below =
+            |ring: Ring| self.rings[ring as usize].before(end, limit).map(move |seq| (seq, ring));
         let mut found: Vec<_> = Ring::ALL.into_iter().flat_map(below).collect();
         found.sort_unstable_by_key(|(seq, _)| std::cmp::Reverse(*seq));
         found.truncate(limit);
@@ -338,16 +341,32 @@ impl Known {
     }
 }
 
-/// The sequence numbers of the entries in a ring.
-fn numbers(engine: &dyn Engine, ring: Ring) -> Result<BTreeSet<u64>, StoreError> {
+/// The entries in a ring.
+fn stored_shares(engine: &dyn Engine, ring: Ring) -> Result<Shares, StoreError> {
     let prefix = key::space(ring.space());
-    let mut found = BTreeSet::new();
+    let mut found = Shares::default();
     for page in engine::pages(engine, &prefix, None, KEYS_PER_SCAN) {
-        let heads = page?.into_iter().filter(|(key, _)| key.len() == KEY_BYTES);
-        let number = |key: &[u8]| key[1..].try_into().map(u64::from_be_bytes).ok();
-        found.extend(heads.filter_map(|(key, _)| number(&key)));
+        for (key, value) in page? {
+            let number = key[1..].try_into().map(u64::from_be_bytes);
+            if let Ok(seq) = number {
+                found.insert(seq, maker(engine, ring, &key, &value)?);
+            }
+        }
     }
     Ok(found)
+}
+
+/// The key that made an entry, of which `value` is the first piece; none of a damaged one.
+fn maker(engine: &dyn Engine, ring: Ring, key: &[u8], value: &[u8]) -> Result<Maker, StoreError> {
+    let entry = match record::decode::<AuditEntry>(value) {
+        Ok(entry) => Some(entry),
+        Err(_) => match pieces::read(engine, ring.space(), key) {
+            Ok(whole) => whole.and_then(|whole| record::decode(&whole).ok()),
+            Err(StoreError::Damaged { .. }) => None,
+            Err(error) => return Err(error),
+        },
+    };
+    Ok(entry.and_then(|entry: AuditEntry| entry.maker()))
 }
 
 fn key_of(ring: Ring, seq: u64) -> Vec<u8> {

@@ -199,24 +199,38 @@ impl Calibrations {
     /// # Errors
     /// As [`Calibrations::find`].
     pub fn latest(&self, sensor: Uuid) -> Result<Option<StoredCalibration>, StoreError> {
-        Ok(self.all(sensor)?.pop())
+        // Numbers have no gaps: doubling and halving finds the last, without reading all.
+        let exists = |number: u32| {
+            let head = key::numbered(Space::Calibration, sensor, u64::from(number));
+            Ok::<bool, StoreError>(self.engine.get(&head)?.is_some())
+        };
+        let (mut last, mut step) = (0_u32, 1_u32);
+        while exists(last.saturating_add(step))? {
+            (last, step) = (last + step, step.saturating_mul(2));
+        }
+        while step > 0 {
+            if exists(last.saturating_add(step))? {
+                last += step;
+            }
+            step /= 2;
+        }
+        if last == 0 { Ok(None) } else { self.find(sensor, last) }
     }
 
-    /// All calibrations of a sensor, oldest first.
+    /// The calibrations of a sensor behind a number, oldest first, within a limit.
     ///
     /// # Errors
     /// As [`Calibrations::find`].
-    pub fn all(&self, sensor: Uuid) -> Result<Vec<StoredCalibration>, StoreError> {
-        let prefix = key::id(Space::Calibration, sensor);
-        let space = Space::Calibration;
-        let records = pieces::scan(
-            &*self.engine,
-            space,
-            &prefix,
-            KEY_BYTES,
-            None,
-            Limit::records(usize::MAX),
-        )?;
+    pub fn page(
+        &self,
+        sensor: Uuid,
+        behind: u32,
+        limit: Limit,
+    ) -> Result<Vec<StoredCalibration>, StoreError> {
+        let (space, prefix) = (Space::Calibration, key::id(Space::Calibration, sensor));
+        // Of the one behind which the page begins, later pieces may follow its key.
+        let from = key::numbered(space, sensor, u64::from(behind));
+        let records = pieces::scan(&*self.engine, space, &prefix, KEY_BYTES, Some(from), limit)?;
         let decoded: Result<Vec<_>, _> =
             records.iter().map(|(_, bytes)| record::decode(bytes)).collect();
         decoded.map_err(StoreError::damaged(space))

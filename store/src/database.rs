@@ -1,9 +1,10 @@
 //! The database: opened once, with all its repositories.
 
+mod clock;
 mod sharing;
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use thiserror::Error;
 use uuid::Uuid;
@@ -18,15 +19,16 @@ use crate::engine::{
     Commit, CommitError, Compacted, Cut, Engine, EngineError, EngineStats, Expected,
 };
 use crate::entity::{Job, Object, Sensor, Session};
-use crate::error::{RecordError, StoreError, conflict};
+use crate::error::{RecordError, StoreError};
 use crate::holding::{self, Holding, Who};
 use crate::journal::{Journal, JournalSpaces};
 use crate::key::{self, Space};
 use crate::memory::MemoryEngine;
 use crate::mesh::Meshes;
 use crate::pieces;
-use crate::record::{self, ClockV1, LayoutV1};
+use crate::record::{self, LayoutV1};
 use crate::robot::RobotHolders;
+use crate::running::Runs;
 use crate::sensor_day::SensorDays;
 use crate::table::Table;
 use crate::webhook::{Deliveries, Webhook};
@@ -38,6 +40,7 @@ pub const LAYOUT: u32 = 2;
 #[derive(Clone)]
 pub struct Database {
     engine: Arc<dyn Engine>,
+    runs: Arc<Mutex<Runs>>,
 }
 
 /// Error of a database that could not be opened.
@@ -101,7 +104,7 @@ impl Database {
         if let Some(bytes) = engine.get(&head)? {
             let LayoutV1 { layout: found, made_by } = record::decode(&bytes)?;
             return match found {
-                LAYOUT => Ok(Self { engine }),
+                LAYOUT => Ok(Self::running_from(engine)),
                 newer if newer > LAYOUT => Err(DatabaseError::TooNew { found, made_by }),
                 _ => Err(DatabaseError::TooOld { found }),
             };
@@ -113,7 +116,7 @@ impl Database {
         let layout = record::encode(&LayoutV1 { layout: LAYOUT, made_by });
         let commit = Commit::new().expect(head.clone(), Expected::Absent).put(head, layout);
         match engine.commit(commit).wait() {
-            Ok(()) => Ok(Self { engine }),
+            Ok(()) => Ok(Self::running_from(engine)),
             Err(CommitError::Conflict { .. }) => Self::with_engine(engine),
             Err(CommitError::Engine(error)) => Err(error.into()),
         }
@@ -123,13 +126,14 @@ impl Database {
     /// may use the last of the reserve.
     #[must_use]
     pub fn essential(&self) -> Self {
-        Self { engine: Arc::new(Amended::essential(Arc::clone(&self.engine))) }
+        let engine = Arc::new(Amended::essential(Arc::clone(&self.engine)));
+        Self { engine, runs: Arc::clone(&self.runs) }
     }
 
     /// The same database, whose commits count to the account that `who` names at the time.
     #[must_use]
     pub fn with_accounts(self, who: Who) -> Self {
-        Self { engine: Arc::new(Amended::accounted(self.engine, who)) }
+        Self { engine: Arc::new(Amended::accounted(self.engine, who)), ..self }
     }
 
     /// Bytes that each API key holds; the nil id for writes without a key.
@@ -243,40 +247,6 @@ impl Database {
     #[must_use]
     pub fn deliveries(&self) -> Deliveries {
         Deliveries::new(Arc::clone(&self.engine))
-    }
-
-    /// The latest stored time, milliseconds since 1970; 0 when there is none.
-    ///
-    /// # Errors
-    /// [`StoreError::Damaged`] and the engine's.
-    pub fn latest_time(&self) -> Result<u64, StoreError> {
-        let Some(bytes) = self.engine.get(&key::space(Space::Clock))? else { return Ok(0) };
-        let clock: ClockV1 = record::decode(&bytes).map_err(StoreError::damaged(Space::Clock))?;
-        Ok(clock.latest_ms)
-    }
-
-    /// Stores the latest time unless a later one is stored; durable when it returns the later one.
-    ///
-    /// # Errors
-    /// [`StoreError::Damaged`] and the engine's.
-    pub async fn store_latest_time(&self, latest_ms: u64) -> Result<u64, StoreError> {
-        let head = key::space(Space::Clock);
-        loop {
-            let before = self.engine.get(&head)?;
-            let stored_ms = self.latest_time()?;
-            if before.is_some() && stored_ms >= latest_ms {
-                return Ok(stored_ms);
-            }
-            let expected = before.map_or(Expected::Absent, Expected::Value);
-            let clock = record::encode(&ClockV1 { latest_ms });
-            let commit = Commit::new().expect(head.clone(), expected).put(head.clone(), clock);
-            match self.engine.commit(commit).await.map_err(conflict) {
-                Ok(()) => return Ok(latest_ms),
-                // Another server stored its own.
-                Err(Ok(_)) => {}
-                Err(Err(error)) => return Err(error.into()),
-            }
-        }
     }
 
     /// Waits until reads see what other servers committed before this call.

@@ -35,6 +35,7 @@ pub mod sensor_day;
 pub mod mesh;
 pub mod audit;
 pub mod catalogue;
+pub mod running;
 pub mod database;
 pub mod fsck;
 pub mod snapshot;

@@ -84,12 +84,6 @@ pub(crate) struct NameV1 {
     pub(crate) id: IdV1,
 }
 
-/// The latest time, milliseconds since 1970.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
-pub(crate) struct ClockV1 {
-    pub(crate) latest_ms: u64,
-}
-
 /// The layout number of the database and its creator.
 #[derive(Clone, Debug, PartialEq, Eq, Encode, Decode)]
 pub(crate) struct LayoutV1 {
@@ -104,10 +98,6 @@ pub(crate) trait Plain: Encode + Decode<()> {
 
 impl Plain for NameV1 {
     const KIND: Kind = Kind::Name;
-}
-
-impl Plain for ClockV1 {
-    const KIND: Kind = Kind::Clock;
 }
 
 impl Plain for LayoutV1 {

@@ -124,6 +124,8 @@ pub struct Delivery {
     pub event: Uuid,
     /// Kind of the event.
     pub kind: EventKind,
+    /// The API key that caused the event, where that is known.
+    pub caused_by: Option<Uuid>,
     /// The body as it is sent.
     pub body: String,
     /// Time of creation.

@@ -269,7 +269,9 @@ def tell(story: Story, palpate: str, folder: Path) -> None:
     package = story.tell("get_package")
     story.tell("get_block", hash=package["blocks"][0])
     forwarding = story.operations["forward_session"][2]["requestBody"]["content"]["application/json"]["example"]
-    forwarded = EXAMPLE_ID[:-1] + "9"
+    # Its id states its time, which must be near that of the server.
+    now = f"{int(time.time() * 1000):012x}"
+    forwarded = f"{now[:8]}-{now[8:]}{EXAMPLE_ID[13:-1]}9"
     story.tell("forward_session", body={**forwarding, "version_hash": package["hash"]}, session=forwarded)
     story.tell("forward_entries", session=forwarded)
     story.tell("get_forwarding")

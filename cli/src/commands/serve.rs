@@ -232,6 +232,16 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u64).range(1..=31_536_000)
     )]
     training_max_s: u64,
+    /// Memory that one training may take, in MB, as estimated before it starts; a larger one is
+    /// refused.
+    #[arg(
+        long,
+        env = "PALPATE_TRAINING_MEMORY_MB",
+        value_name = "MB",
+        default_value_t = 400,
+        value_parser = clap::value_parser!(u64).range(1..=1_000_000)
+    )]
+    training_memory_mb: u64,
     /// Migrate stored data of an older layout at the start; take a snapshot or a copy first.
     /// Without it, such data is refused.
     #[arg(long, env = "PALPATE_MIGRATE")]

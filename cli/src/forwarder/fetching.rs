@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use palpate_client::Client;
-use palpate_client::schemas::{LabelledQuery, Sensor};
+use palpate_client::schemas::{LabelledQuery, PageQuery, Sensor};
 use palpate_server::Outbox;
 
 use super::{Pause, Trouble, note_line};
@@ -119,7 +119,15 @@ async fn sensors(outbox: &Outbox, client: &Client, fetched: &mut Fetched) -> Res
             if fetched.sensors.get(&sensor.name) == Some(&sensor) {
                 continue;
             }
-            outbox.sensor(&client.sensor_package(&sensor.name).await?).await?;
+            let mut page = PageQuery::default();
+            loop {
+                let package = client.sensor_package(&sensor.name, &page).await?;
+                outbox.sensor(&package).await?;
+                page.cursor = package.next_cursor;
+                if page.cursor.is_none() {
+                    break;
+                }
+            }
             fetched.sensors.insert(sensor.name.clone(), sensor);
         }
         query.cursor = page.next_cursor;

@@ -322,12 +322,11 @@ pub(crate) fn check(
     readings: &[Incoming],
 ) -> Result<(), Invalid> {
     let options = options(session);
-    let unfit = |(index, incoming): (usize, &Incoming)| {
+    let unfit = |incoming: &Incoming| {
         let (field, detail) = unfit(&options, model, incoming)?;
-        Some(FieldError { pointer: format!("/readings/{index}/{field}"), detail })
+        Some(FieldError { pointer: format!("{}/{field}", incoming.pointer), detail })
     };
-    let errors: Vec<FieldError> =
-        readings.iter().enumerate().filter_map(unfit).take(ERRORS_MAX).collect();
+    let errors: Vec<FieldError> = readings.iter().filter_map(unfit).take(ERRORS_MAX).collect();
     if errors.is_empty() { Ok(()) } else { Err(Invalid(errors)) }
 }
 

@@ -82,9 +82,6 @@ impl Live {
                 added => break (status, n_new, added?),
             }
         };
-        let mut warnings =
-            warnings(&readings, self.first_place()?, Some(options(&self.session).method));
-        warnings.extend(self.set_back(&readings)?);
         Ok(wire::ReadingsAdded {
             session: self.session.id,
             n_new: count(n_new),
@@ -92,7 +89,7 @@ impl Live {
             n_readings: count(status.n_readings + n_new as u64),
             n_presses: belief.as_ref().map(|belief| belief.n_readings),
             belief: in_detail(belief, detail),
-            warnings,
+            warnings: self.warned(readings.iter())?,
         })
     }
 
@@ -297,15 +294,15 @@ impl Live {
 
     /// The warning about the first reading of a request that is stamped before its robot's number
     /// before it, of the request or else stored.
-    fn set_back(&self, readings: &[Incoming]) -> Result<Option<wire::Warning>, LiveError> {
+    fn set_back(&self, readings: &[&Incoming]) -> Result<Option<wire::Warning>, LiveError> {
         let (journal, key) = (self.tools.store.journal(), Asker::current().key());
-        let stamp = |reading: &Incoming| {
+        let stamp = |reading: &&Incoming| {
             Some((
                 (reading.id.as_ref()?.robot.as_str(), reading.id.as_ref()?.seq),
                 reading.stored.stamp_ns?,
             ))
         };
-        let stamps: BTreeMap<(&str, u64), i64> = readings.iter().filter_map(stamp).collect();
+        let stamps: BTreeMap<(&str, u64), i64> = readings.iter().filter_map(|reading| stamp(reading)).collect();
         for (index, reading) in readings.iter().enumerate() {
             let Some(((robot, later), now)) = stamp(reading) else { continue };
             let before = match stamps.range((robot, 0)..(robot, later)).next_back() {
@@ -325,6 +322,17 @@ impl Live {
             }
         }
         Ok(None)
+    }
+
+    /// The probable mistakes in readings that were just stored.
+    pub(super) fn warned<'a>(
+        &self,
+        readings: impl Iterator<Item = &'a Incoming> + Clone,
+    ) -> Result<Vec<wire::Warning>, LiveError> {
+        let method = Some(options(&self.session).method);
+        let mut warnings = warnings(readings.clone(), self.first_place()?, method);
+        warnings.extend(self.set_back(&readings.collect::<Vec<_>>())?);
+        Ok(warnings)
     }
 
     /// The place of the session's first reading, if it has one.

@@ -217,7 +217,8 @@ impl Folding {
 
     fn is_open(&self) -> bool {
         let found = self.store.sessions().find(self.session.id).ok().flatten();
-        let status = found.and_then(|session| status(&self.store, &session, now_ms()).ok());
+        let running = self.store.running(now_ms());
+        let status = found.and_then(|session| status(&self.store, &session, &running).ok());
         status.is_some_and(|status| status.end.is_none())
     }
 

@@ -57,7 +57,12 @@ impl Live {
             }
         }
         let revision = count(length + n_new);
-        Ok(wire::EntriesForwarded { session, n_new: count(n_new), revision })
+        let readings = entries.iter().filter_map(|entry| match entry {
+            Forwarded::Reading(incoming) => Some(incoming.as_ref()),
+            Forwarded::Retraction(_) => None,
+        });
+        let warnings = self.warned(readings)?;
+        Ok(wire::EntriesForwarded { session, n_new: count(n_new), revision, warnings })
     }
 
     /// The length of the journal, and the entries that it does not have yet.

@@ -1,30 +1,50 @@
 //! Status of a session according to its journal: open, closed, or expired.
 //!
 //! Expiry is not a record; it is computed from the time of the last entry, the lifetime and
-//! the lease.
+//! the lease. Ages are measured in running time, so a clock that jumps ends no session.
 
 use palpate_store::database::Database;
 use palpate_store::entity::Session;
 use palpate_store::error::StoreError;
+use palpate_store::running::Running;
 
 use crate::wire::life::{End, EndReason, Status};
 use crate::wire::session::options;
 
 /// The status of a session according to its journal.
-pub(crate) fn status(store: &Database, session: &Session, now: u64) -> Result<Status, StoreError> {
+pub(crate) fn status(
+    store: &Database,
+    session: &Session,
+    running: &Running,
+) -> Result<Status, StoreError> {
     let head = store.journal().head(session.id)?;
     // A retraction is not a reading, and removes one.
     let n_others = 2 * head.n_retracted + u64::from(head.is_closed);
     let since = head.last_at_ms.unwrap_or(session.created_at_ms);
-    let leased_until_ms = options(session).leased_until_ms;
-    let expires_at_ms = (session.time_to_live_ms > 0).then(|| {
+    let options = options(session);
+    let (leased_until_ms, lives) = (options.leased_until_ms, session.time_to_live_ms > 0);
+    let expires_at_ms = lives.then(|| {
         since.saturating_add(session.time_to_live_ms).max(leased_until_ms.unwrap_or_default())
     });
-    let expired = expires_at_ms.filter(|expires| now >= *expires);
-    let end = match expired {
-        _ if head.is_closed => Some(End { at_ms: since, reason: EndReason::Closed }),
-        Some(at_ms) => Some(End { at_ms, reason: EndReason::Expired }),
-        None => None,
+    let leased_ran_ms = leased_until_ms.map(|until| {
+        // Earlier releases did not record when a lease was given: it is over when the clock has
+        // passed its end.
+        let given = options.leased_at_ms.unwrap_or(until).min(until);
+        running.at(given).saturating_add((until - given).max(1))
+    });
+    let expires_ran_ms = lives.then(|| {
+        let idle = running.at(since).saturating_add(session.time_to_live_ms);
+        idle.max(leased_ran_ms.unwrap_or_default())
+    });
+    let end = match (expires_at_ms, expires_ran_ms) {
+        _ if head.is_closed => {
+            let (reason, ran_ms) = (EndReason::Closed, running.at(since));
+            Some(End { at_ms: since, ran_ms, reason })
+        }
+        (Some(at_ms), Some(ran_ms)) if ran_ms <= running.now_ms() => {
+            Some(End { at_ms, ran_ms, reason: EndReason::Expired })
+        }
+        _ => None,
     };
     Ok(Status {
         length: head.length,
@@ -33,7 +53,9 @@ pub(crate) fn status(store: &Database, session: &Session, now: u64) -> Result<St
         changed_at_ms: since,
         end,
         expires_at_ms,
+        expires_ran_ms,
         leased_until_ms,
+        leased_ran_ms,
     })
 }
 
@@ -65,7 +87,8 @@ mod tests {
     }
 
     fn end(store: &Database, session: &Session, now: u64) -> Option<(u64, EndReason)> {
-        status(store, session, now).unwrap().end.map(|end| (end.at_ms, end.reason))
+        let running = Running::steady(now);
+        status(store, session, &running).unwrap().end.map(|end| (end.at_ms, end.reason))
     }
 
     #[tokio::test]
@@ -103,9 +126,12 @@ mod tests {
     #[tokio::test]
     async fn a_lease_extends_and_never_shortens_a_session() {
         let store = Database::in_memory();
-        let leased = session(r#"{"method": "sva", "leased_until_ms": 8000}"#);
+        let leased = session(r#"{"method": "sva", "leased_until_ms": 8000, "leased_at_ms": 5100}"#);
         assert_eq!(end(&store, &leased, 7999), None);
         assert_eq!(end(&store, &leased, 8000), Some((8000, EndReason::Expired)));
+        let of_old = session(r#"{"method": "sva", "leased_until_ms": 8000}"#);
+        assert_eq!(end(&store, &of_old, 7999), None);
+        assert_eq!(end(&store, &of_old, 8001), Some((8000, EndReason::Expired)));
         let long_ago = session(r#"{"method": "sva", "leased_until_ms": 5100}"#);
         assert_eq!(end(&store, &long_ago, 5999), None);
     }

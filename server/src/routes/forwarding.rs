@@ -5,12 +5,12 @@ use axum::extract::State;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use palpate_schemas::{
-    EntriesForwarded, ForwardEntries, ForwardSession, Forwarding, SensorPackage, Session,
-    VersionPackage,
+    EntriesForwarded, ForwardEntries, ForwardSession, Forwarding, PageQuery, SensorPackage,
+    Session, VersionPackage,
 };
 
 use crate::app::App;
-use crate::extract::{JsonBody, Segments};
+use crate::extract::{JsonBody, Params, Segments};
 use crate::refusal::Refusal;
 use crate::routes::documented::{Conflict, Ended};
 
@@ -72,7 +72,7 @@ pub(crate) async fn get_package(
     State(app): State<App>,
     Segments((name, version)): Segments<(String, String)>,
 ) -> Result<Json<VersionPackage>, Refusal> {
-    Ok(Json(app.catalogues.package(&name, &version)?))
+    Ok(Json(app.apart(move |app| app.catalogues.package(&name, &version)).await?))
 }
 
 /// Get a block of a version
@@ -95,13 +95,15 @@ pub(crate) async fn get_block(
 
 /// Get a sensor as a package
 ///
-/// For a cell: the sensor with all its calibrations and passports, as they are stored.
+/// For a cell: the sensor with a page of its calibrations and passports, as they are stored.
 #[utoipa::path(get, path = "/v1/sensors/{sensor}/package", operation_id = "get_sensor_package",
-    tag = "sensors", params(("sensor" = String, Path, description = "The sensor's id or name")),
+    tag = "sensors",
+    params(("sensor" = String, Path, description = "The sensor's id or name"), PageQuery),
     responses((status = 200, description = "The package", body = SensorPackage)))]
 pub(crate) async fn get_sensor_package(
     State(app): State<App>,
     Segments(sensor): Segments,
+    Params(query): Params<PageQuery>,
 ) -> Result<Json<SensorPackage>, Refusal> {
-    Ok(Json(app.sensors.package(&sensor)?))
+    Ok(Json(app.apart(move |app| app.sensors.package(&sensor, &query)).await?))
 }

@@ -147,7 +147,7 @@ pub(crate) async fn get_version(
     State(app): State<App>,
     Segments((name, version)): Segments<(String, String)>,
 ) -> Result<Json<CatalogueVersion>, Refusal> {
-    Ok(Json(app.catalogues.version(&name, &version)?))
+    Ok(Json(app.apart(move |app| app.catalogues.version(&name, &version)).await?))
 }
 
 /// Delete a version
@@ -180,7 +180,8 @@ pub(crate) async fn get_report(
     State(app): State<App>,
     Segments((name, version)): Segments<(String, String)>,
 ) -> Result<Json<TrainingReport>, Refusal> {
-    Ok(Json(app.catalogues.version(&name, &version)?.report))
+    let found = app.apart(move |app| app.catalogues.version(&name, &version)).await?;
+    Ok(Json(found.report))
 }
 
 /// Get a version's appearance report

@@ -72,6 +72,11 @@ pub(crate) struct Jobs {
     queue_max: usize,
     /// Time limit of a training.
     within: Duration,
+    /// Limit on the memory of a training, bytes.
+    memory_max: u64,
+    training_threads: usize,
+    /// Bytes that one key may hold.
+    quota: Option<u64>,
     touched: Touched,
 }
 
@@ -102,6 +107,9 @@ impl Jobs {
             starting: tokio::sync::Mutex::new(()),
             queue_max: config.training_queue_max.max(1),
             within: config.training_time_max,
+            memory_max: config.training_memory_bytes_max,
+            training_threads: config.training_threads.max(1),
+            quota: config.store_quota_bytes,
             touched: Touched::in_folder(config.data.join("touches")),
         })
     }

@@ -260,10 +260,11 @@ impl Objects {
         let object = self.find(reference)?;
         let frame_id = convert::reading::shared_frame(&request.readings)?;
         let _using = self.sensors.using().await;
-        convert::reading::check_size(&request.readings)?;
+        let given = convert::reading::given(&request.readings);
+        convert::reading::check_size("/readings", given.len(), &given)?;
         convert::felt::for_training(&request.readings)?;
-        let sources = self.sensors.sources(&request.readings)?;
-        let readings = convert::reading::readings(&request.readings, sources, frame_id)?;
+        let sources = self.sensors.sources(&given)?;
+        let readings = convert::reading::readings(&given, sources, frame_id)?;
         let journal = self.store.training();
         for _ in 0..APPEND_ATTEMPTS {
             let before = journal.len(object.id)?;
@@ -288,7 +289,7 @@ impl Objects {
                         n_new: convert::count(entries.len()),
                         n_repeated: convert::count(readings.len() - entries.len()),
                         n_readings: convert::count(before + entries.len() as u64),
-                        warnings: convert::reading::warnings(&readings, place, None),
+                        warnings: convert::reading::warnings(readings.iter(), place, None),
                     });
                 }
             }

@@ -19,7 +19,7 @@ use crate::clock::now_ms;
 use crate::known_sensors::KnownSensors;
 use crate::services::calibrations::Calibrations;
 use crate::services::sensor_health::SensorHealth;
-use crate::wire::reading::Source;
+use crate::wire::reading::{Given, Source};
 use crate::wire::{cursor, labels, page_id, page_length, reading, sensor};
 
 /// All sensors.
@@ -88,8 +88,8 @@ impl Sensors {
     }
 
     /// The sensors named by the readings of a request, unless unknown or under removal.
-    pub(crate) fn sources(&self, given: &[wire::Reading]) -> Result<Vec<Option<Source>>, Cause> {
-        given.iter().map(|reading| self.source(&reading.sensor)).collect()
+    pub(crate) fn sources(&self, given: &[Given<'_>]) -> Result<Vec<Option<Source>>, Cause> {
+        given.iter().map(|(_, reading)| self.source(&reading.sensor)).collect()
     }
 
     /// The sensor with an id or a name, unless it is about to be removed.

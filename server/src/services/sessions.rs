@@ -56,6 +56,7 @@ use crate::services::keys::Keys;
 use crate::services::keys::error::KeyError;
 use crate::services::sensors::Sensors;
 use crate::wire::life::{OtherTruth, Status};
+use crate::wire::reading::{Given, Incoming};
 use crate::wire::session::Outcome;
 use crate::wire::{self as convert};
 use ids::Ids;
@@ -129,35 +130,59 @@ impl Sessions {
         request: &wire::AddReadings,
         detail: BeliefDetail,
     ) -> Result<wire::ReadingsAdded, SessionError> {
+        let given = convert::reading::given(&request.readings);
+        let list = ("/readings", request.readings.len());
+        let add = |live: Arc<Live>, readings| async move {
+            let added = live.add(readings, detail).await?;
+            Ok::<_, LiveError>((u64::from(added.n_new), added))
+        };
+        let (mut added, warnings) = self.take_in(id, list, &given, add).await?;
+        added.warnings.extend(warnings);
+        Ok(added)
+    }
+
+    /// The one way into a session for readings, whoever brings them: checks those `given` in a list
+    /// of a request against the session, the sensors and the names of robots, and stores them with
+    /// `store`, which also tells the number of new entries. Returns its answer, and what is to be
+    /// warned of.
+    async fn take_in<T, F>(
+        &self,
+        id: &str,
+        (list, length): (&str, usize),
+        given: &[Given<'_>],
+        store: impl FnOnce(Arc<Live>, Vec<Incoming>) -> F,
+    ) -> Result<(T, Vec<wire::Warning>), SessionError>
+    where
+        T: Send + 'static,
+        F: Future<Output = Result<(u64, T), LiveError>> + Send + 'static,
+    {
         let id = self.parse(id)?;
         let live = self.live(id).await?;
         let frame_id = convert::session::frame_id(live.session());
         let using = self.sensors.using().await;
-        convert::reading::check_size(&request.readings)?;
-        let sources = self.sensors.sources(&request.readings)?;
-        let readings = convert::reading::readings(&request.readings, sources, frame_id)?;
+        convert::reading::check_size(list, length, given)?;
+        let sources = self.sensors.sources(given)?;
+        let readings = convert::reading::readings(given, sources, frame_id)?;
         live.check(&readings)?;
-        let robots = readings.iter().enumerate();
-        let robots = robots.filter_map(|(place, reading)| Some((place, reading.id.as_ref()?)));
-        self.keys.claim_robots(asker::Asker::current().key(), robots).await?;
+        self.keys.claim_robots(asker::Asker::current().key(), &readings).await?;
         let is_followed = live.is_followed();
         let named: Vec<Uuid> = readings.iter().map(|reading| reading.sensor.id).collect();
         let outgoing = Arc::clone(&self.outgoing);
-        let adding = async move {
+        let storing = store(live, readings);
+        let storing = async move {
             let _using = using;
-            let added = live.add(readings, detail).await;
+            let stored = storing.await;
             // Also readings whose belief failed may be stored.
-            outgoing.note(id, added.as_ref().map_or(0, |added| u64::from(added.n_new)));
-            added
+            outgoing.note(id, stored.as_ref().map_or(0, |(n_new, _)| *n_new));
+            stored
         };
         // Followers of the session wait for its belief as well.
-        let adding = match is_followed {
-            true => asker::spawn_within(self.answer_timeout, adding),
-            false => asker::spawn(adding),
+        let storing = match is_followed {
+            true => asker::spawn_within(self.answer_timeout, storing),
+            false => asker::spawn(storing),
         };
-        let mut added = finished(adding).await?;
-        added.warnings.extend(self.sensors.health().warnings(&named));
-        Ok(added)
+        let (_, answer) = finished(storing).await?;
+        Ok((answer, self.sensors.health().warnings(&named)))
     }
 
     /// The id of a session in a path.
@@ -202,7 +227,12 @@ impl Sessions {
     }
 
     fn show(&self, session: &Session) -> Result<wire::Session, StoreError> {
-        self.show_as(session, status(&self.tools.store, session, now_ms())?)
+        self.show_as(session, self.status(session)?)
+    }
+
+    /// The status of a session now.
+    fn status(&self, session: &Session) -> Result<Status, StoreError> {
+        status(&self.tools.store, session, &self.tools.store.running(now_ms()))
     }
 
     fn show_as(&self, session: &Session, status: Status) -> Result<wire::Session, StoreError> {

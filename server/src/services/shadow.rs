@@ -136,7 +136,7 @@ fn unfit(
     if options(session).method != Method::Surface {
         return Ok(Some("has another method, expected `surface`"));
     }
-    let status = status(store, session, now_ms())?;
+    let status = status(store, session, &store.running(now_ms()))?;
     Ok(match (status.end, status.n_readings) {
         (None, _) => Some("is open, expected an ended one"),
         (Some(_), 0) => Some("has no reading"),

@@ -15,6 +15,7 @@ mod skipping;
 mod surface;
 mod twins;
 mod unseen;
+mod weight;
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -47,6 +48,7 @@ pub(crate) use keeping::Keeping;
 use material::{Material, gather};
 use skipping::Skipped;
 use surface::Decided;
+pub(crate) use weight::{Load, memory_bytes};
 
 /// Plan of a training.
 pub(crate) struct Plan {

@@ -33,7 +33,7 @@ use crate::services::sessions::Sessions;
 use crate::wire::webhook::{WebhookStatus, kinds};
 use crate::wire::{self as convert, count, cursor, page_id, page_length};
 use error::WebhookError;
-use registry::{Entry, Known, Registry};
+use registry::{Entry, Known, Moment, Registry};
 use sender::Sender;
 
 /// Maximum number of webhooks.
@@ -263,6 +263,12 @@ impl Webhooks {
         shown.ok_or_else(|| Cause::unknown("webhook", id))
     }
 
+    /// This moment.
+    fn now(&self) -> Moment {
+        let clock_ms = now_ms();
+        Moment { clock_ms, ran_ms: self.store.running(clock_ms).now_ms() }
+    }
+
     fn read<T>(&self, look: impl FnOnce(&Registry) -> T) -> T {
         look(&self.registry.read().unwrap_or_else(PoisonError::into_inner))
     }
@@ -278,9 +284,10 @@ fn stored(store: &Database, notices: &Notices) -> Result<Registry, StoreError> {
     for webhook in store.webhooks().list_whole(None, usize::MAX - 1)?.items {
         registry.0.insert(webhook.id, Known::new(webhook));
     }
+    let running = store.running(now_ms());
     store.deliveries().each(|delivery| {
         if let Some(known) = registry.0.get_mut(&delivery.webhook) {
-            known.entries.insert(delivery.event, Entry::of(&delivery));
+            known.entries.insert(delivery.event, Entry::of(&delivery, &running));
         }
     })?;
     for notice in store.deliveries().notices()? {

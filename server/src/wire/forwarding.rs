@@ -8,12 +8,15 @@ use palpate_store::journal::{Entry, Event};
 use uuid::Uuid;
 
 use crate::wire::Invalid;
-use crate::wire::reading::{self, Incoming, Source};
+use crate::wire::reading::{self, Given, Incoming};
 use crate::wire::session::{ForwardMark, options, written};
 use crate::wire::{count, felt, sensor};
 
-/// Maximum number of entries in one request.
-const ENTRIES_MAX: usize = 1000;
+/// Time by which the id of a forwarded session may be ahead of this server's clock. Chosen: a clock
+/// that shows the local time for the universal one is off by at most 14 hours.
+const AHEAD_MAX_MS: u64 = 86_400_000;
+/// Time by which it may be behind. Chosen: longer than a cell is without its central service.
+const BEHIND_MAX_MS: u64 = 366 * 86_400_000;
 /// Maximum length of a cell's name, in characters.
 pub(crate) const CELL_MAX: usize = 64;
 
@@ -30,6 +33,21 @@ pub(crate) fn session_id(id: &str) -> Result<Uuid, Invalid> {
     parsed.ok_or_else(|| {
         Invalid::field("path:session", format!("came {id:?}, expected the UUIDv7 of the session"))
     })
+}
+
+/// Refuses the id of a new session that states no believable time.
+pub(crate) fn check_time(id: Uuid, now_ms: u64) -> Result<(), Invalid> {
+    let believed = now_ms.saturating_sub(BEHIND_MAX_MS)..=now_ms.saturating_add(AHEAD_MAX_MS);
+    let stated = created_at_ms(id);
+    if believed.contains(&stated) {
+        return Ok(());
+    }
+    let [stated, from, to] = [stated, *believed.start(), *believed.end()].map(super::time);
+    let detail = format!(
+        "came {id}, which states the time {stated}, expected one from {from} to {to}: set the clock \
+         of the cell"
+    );
+    Err(Invalid::field("path:session", detail))
 }
 
 /// The time of a forwarded session's creation, ms since 1970: its id begins with it.
@@ -67,47 +85,57 @@ pub(crate) fn of_cell(session: Session, cell: &str) -> Session {
     Session { time_to_live_ms: 0, options: written(&options), ..session }
 }
 
-/// Checks the number of entries, and that each is one thing.
-pub(crate) fn check(request: &wire::ForwardEntries) -> Result<(), Invalid> {
-    let n = request.entries.len();
-    if n == 0 || n > ENTRIES_MAX {
-        let detail = format!("{n} entries came, expected 1 to {ENTRIES_MAX}");
-        return Err(Invalid::field("/entries", detail));
-    }
-    let is_one = |entry: &wire::ForwardedEntry| entry.reading.is_some() != entry.retracts.is_some();
-    match request.entries.iter().position(|entry| !is_one(entry)) {
-        None => Ok(()),
-        Some(index) => {
-            let detail = "expected exactly one of `reading` and `retracts`";
-            Err(Invalid::field(format!("/entries/{index}"), detail))
+/// The readings of a request, each entry of which must be one thing.
+pub(crate) fn readings(request: &wire::ForwardEntries) -> Result<Vec<Given<'_>>, Invalid> {
+    let mut given = Vec::with_capacity(request.entries.len());
+    for (index, entry) in request.entries.iter().enumerate() {
+        match (&entry.reading, entry.retracts) {
+            (Some(reading), None) => given.push((format!("/entries/{index}/reading"), reading)),
+            (None, Some(_)) => {}
+            (Some(_), Some(_)) | (None, None) => {
+                let detail = "expected exactly one of `reading` and `retracts`";
+                return Err(Invalid::field(format!("/entries/{index}"), detail));
+            }
         }
     }
+    Ok(given)
 }
 
-/// Checks entries. `source` finds the sensor of a reading; `frame_id` is the required frame.
-pub(crate) fn entries<E: From<Invalid>>(
+/// The entries of a request, of whose readings these are the checked ones in order.
+pub(crate) fn entries(
     request: &wire::ForwardEntries,
-    source: impl Fn(&str) -> Result<Option<Source>, E>,
-    frame_id: Option<&str>,
-) -> Result<Vec<Forwarded>, E> {
-    let one =
-        |(index, entry): (usize, &wire::ForwardedEntry)| match (&entry.reading, entry.retracts) {
-            (Some(given), _) => {
-                let pointer = format!("/entries/{index}/reading");
-                let incoming = reading::one(&pointer, given, source(&given.sensor)?, frame_id)?;
-                Ok(Forwarded::Reading(Box::new(as_stored(incoming, given)?)))
-            }
-            (None, retracts) => Ok(Forwarded::Retraction(u64::from(retracts.unwrap_or_default()))),
+    readings: Vec<Incoming>,
+) -> Result<Vec<Forwarded>, Invalid> {
+    let mut readings = readings.into_iter();
+    let one = |entry: &wire::ForwardedEntry| {
+        let Some(given) = &entry.reading else {
+            return Ok(Forwarded::Retraction(u64::from(entry.retracts.unwrap_or_default())));
         };
-    request.entries.iter().enumerate().map(one).collect()
+        let incoming = readings.next().expect("every reading of the request was checked");
+        Ok(Forwarded::Reading(Box::new(as_stored(incoming, given)?)))
+    };
+    request.entries.iter().map(one).collect()
+}
+
+/// Points warnings about the readings of a request, which count these alone, to its entries.
+pub(crate) fn point_to_entries(warnings: &mut [wire::Warning], given: &[Given<'_>]) {
+    for warning in warnings {
+        let place = warning.pointer.strip_prefix("/readings/").unwrap_or_default();
+        let (index, field) = place.split_once('/').unwrap_or((place, ""));
+        let entry = index.parse::<usize>().ok().and_then(|index| given.get(index));
+        if let Some((pointer, _)) = entry {
+            warning.pointer = format!("{pointer}/{field}");
+        }
+    }
 }
 
 /// A reading with the bits of the cell's pose. The cell normalised its quaternion, and to do that
 /// again could change its last bit.
 fn as_stored(incoming: Incoming, given: &wire::Reading) -> Result<Incoming, Invalid> {
     let pose = given.pose.as_ref().map(|pose| Pose::stored(pose.position, pose.orientation));
+    let pose = pose.transpose();
     let session_from_sensor =
-        pose.transpose().map_err(|error| Invalid::field("/entries", error))?;
+        pose.map_err(|error| Invalid::field(format!("{}/pose", incoming.pointer), error))?;
     let stored = StoredReading { session_from_sensor, ..incoming.stored };
     Ok(Incoming { stored, ..incoming })
 }

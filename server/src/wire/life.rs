@@ -29,13 +29,18 @@ pub(crate) struct Status {
     pub(crate) end: Option<End>,
     /// Time of expiry without new readings, past or future; `None` for never.
     pub(crate) expires_at_ms: Option<u64>,
+    /// The same as a running time, which decides.
+    pub(crate) expires_ran_ms: Option<u64>,
     pub(crate) leased_until_ms: Option<u64>,
+    pub(crate) leased_ran_ms: Option<u64>,
 }
 
 /// Time and reason of a session's end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct End {
     pub(crate) at_ms: u64,
+    /// Running time of the end.
+    pub(crate) ran_ms: u64,
     pub(crate) reason: EndReason,
 }
 
@@ -71,12 +76,12 @@ pub(crate) fn lease(asked: wire::ExtendSession) -> Result<Duration, Invalid> {
     within("/seconds", u64::from(asked.seconds), 1, TTL_MAX).map(Duration::from_secs)
 }
 
-/// Keeps a session open until at least this time; a longer lease stays.
-pub(crate) fn set_lease(session: &mut Session, until_ms: u64, key: Option<Uuid>) {
+/// Keeps a session open for a time from now on.
+pub(crate) fn set_lease(session: &mut Session, now_ms: u64, lease_ms: u64, key: Option<Uuid>) {
     let mut options = options(session);
-    if options.leased_until_ms < Some(until_ms) {
-        (options.leased_until_ms, options.leased_by) = (Some(until_ms), key);
-    }
+    options.leased_at_ms = Some(now_ms);
+    options.leased_until_ms = Some(now_ms.saturating_add(lease_ms));
+    options.leased_by = key;
     session.options = written(&options);
 }
 

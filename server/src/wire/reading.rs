@@ -1,5 +1,7 @@
 //! Conversion of readings: checked against their sensor on arrival, returned unchanged.
 
+mod given;
+
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -16,11 +18,8 @@ use crate::hints::{Judged, of_readings};
 use crate::wire::Invalid;
 use crate::wire::felt::{self, DEVIATION_MIN, from_store};
 use crate::wire::{INTEGER_MAX, outside, sensor};
+pub(crate) use given::{Given, READINGS_MAX, TAXELS_MAX, check_size, given};
 
-/// Maximum number of readings in one request.
-pub(crate) const READINGS_MAX: usize = 1000;
-/// Maximum number of taxels and feature values in one request, which one commit must hold.
-pub(crate) const TAXELS_MAX: usize = 4_000_000;
 /// Maximum length of a feature.
 const FEATURE_MAX: usize = 4096;
 /// The largest value of a feature.
@@ -39,6 +38,8 @@ const STAMP_SEC_MAX: u64 = 9_000_000_000;
 /// A checked reading: in its stored form, and in core's.
 #[derive(Clone, Debug)]
 pub(crate) struct Incoming {
+    /// Pointer to it in its request.
+    pub(crate) pointer: String,
     pub(crate) id: Option<ReadingId>,
     pub(crate) stored: StoredReading,
     pub(crate) reading: Felt,
@@ -85,39 +86,17 @@ pub(crate) struct Applied {
     pub(crate) sensor: Arc<Sensor>,
 }
 
-/// Refuses more readings, or larger ones, than one request may have.
-pub(crate) fn check_size(given: &[wire::Reading]) -> Result<(), Invalid> {
-    if given.is_empty() || given.len() > READINGS_MAX {
-        let n = given.len();
-        let detail = format!("{n} readings came, expected 1 to {READINGS_MAX}");
-        return Err(Invalid::field("/readings", detail));
-    }
-    let values = |reading: &wire::Reading| {
-        let shear = 2 * reading.shear.as_ref().map_or(0, Vec::len);
-        reading.image.len() + shear + reading.feature.as_ref().map_or(0, Vec::len)
-    };
-    let n_taxels: usize = given.iter().map(values).sum();
-    if n_taxels > TAXELS_MAX {
-        let detail = format!(
-            "{n_taxels} taxels and feature values came in one request, expected at most {TAXELS_MAX}: send fewer \
-             readings at once"
-        );
-        return Err(Invalid::field("/readings", detail));
-    }
-    Ok(())
-}
-
 /// Checks the readings of a request. `sources` are the sensors that they name, if they exist;
 /// `frame_id` is the required frame.
 pub(crate) fn readings(
-    given: &[wire::Reading],
+    given: &[Given<'_>],
     sources: Vec<Option<Source>>,
     frame_id: Option<&str>,
 ) -> Result<Vec<Incoming>, Invalid> {
     let mut errors = Vec::new();
     let mut checked = Vec::with_capacity(given.len());
-    for ((index, reading), source) in given.iter().enumerate().zip(sources) {
-        match one(&format!("/readings/{index}"), reading, source, frame_id) {
+    for ((pointer, reading), source) in given.iter().zip(sources) {
+        match one(pointer, reading, source, frame_id) {
             Ok(incoming) => checked.push(incoming),
             Err(Invalid(wrong)) => errors.extend(wrong),
         }
@@ -130,14 +109,14 @@ pub(crate) fn readings(
 
 /// The probable mistakes in the readings of a request, which follow those of a journal whose
 /// first reading is at `first`, and what of them the session's `method` leaves out.
-pub(crate) fn warnings(
-    readings: &[Incoming],
+pub(crate) fn warnings<'a>(
+    readings: impl Iterator<Item = &'a Incoming> + Clone,
     first: Option<DVec3>,
     method: Option<wire::Method>,
 ) -> Vec<wire::Warning> {
-    let judged: Vec<Judged<'_>> = readings.iter().map(Incoming::judged).collect();
+    let judged: Vec<Judged<'_>> = readings.clone().map(Incoming::judged).collect();
     let mut warnings = of_readings(&judged, first);
-    warnings.extend(felt::ignored(readings.iter().map(|incoming| &incoming.stored), method));
+    warnings.extend(felt::ignored(readings.map(|incoming| &incoming.stored), method));
     warnings
 }
 
@@ -174,7 +153,7 @@ pub(crate) fn one(
     let reading =
         from_store(&stored, &sensor, correction).map_err(|error| felt::refused(pointer, error))?;
     let sensor = applied.map_or(sensor, |applied| applied.sensor);
-    Ok(Incoming { id, stored, reading, sensor })
+    Ok(Incoming { pointer: pointer.to_owned(), id, stored, reading, sensor })
 }
 
 /// The error of a sensor that does not exist.

@@ -52,6 +52,9 @@ pub(crate) struct Options {
     /// End of the lease that keeps the session open.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) leased_until_ms: Option<u64>,
+    /// When the lease was given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) leased_at_ms: Option<u64>,
     /// The key that opened the session.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) opened_by: Option<Uuid>,

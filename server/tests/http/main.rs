@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails where it unwraps")]
 
+mod answers;
 mod appearance;
 mod audit;
 mod bad_input;
@@ -53,6 +54,7 @@ mod tls;
 mod training;
 mod truth;
 mod warnings;
+mod ways_in;
 mod webhook_limits;
 mod webhooks;
 mod who;

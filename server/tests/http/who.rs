@@ -186,7 +186,7 @@ async fn an_expired_key_stays_expired_after_a_clock_step_back() {
             let seen = seen.duration_since(UNIX_EPOCH).unwrap().as_millis() as u64;
             let stored = database.latest_time().unwrap();
             assert!(stored > 1_700_000_000_000 && stored < seen, "stored at the end: {stored}");
-            futures::executor::block_on(database.store_latest_time(seen)).unwrap();
+            futures::executor::block_on(database.store_clock(seen, seen)).unwrap();
         })
         .await;
     let refused = it.send_as(Some(&arm), Method::GET, "/v1/whoami").await;

@@ -143,7 +143,7 @@ impl AuditLog {
         let mut known = self.known();
         for ((ring, _), entry) in entries.iter().zip(numbered) {
             (known.next, known.last_ms) = (known.next.max(entry.seq + 1), entry.at_ms);
-            known.rings[*ring as usize].insert(entry.seq);
+            known.rings[*ring as usize].insert(entry.seq, entry.maker());
             if entry.status.is_none() {
                 known.pending.insert(entry.seq);
             }
@@ -158,13 +158,16 @@ impl AuditLog {
         let Some(ring) = Ring::ALL.into_iter().find(|ring| ring.space() as u8 == space) else {
             return Ok(());
         };
-        let is_there = self.engine.get(&key_of(ring, seq))?.is_some();
+        let key = key_of(ring, seq);
+        let found = self.engine.get(&key)?;
+        let maker =
+            found.map(|first| super::maker(&*self.engine, ring, &key, &first)).transpose()?;
         let mut known = self.known();
         known.next = known.next.max(seq + 1);
-        match is_there {
-            true => known.rings[ring as usize].insert(seq),
-            false => known.rings[ring as usize].remove(&seq),
-        };
+        match maker {
+            Some(maker) => known.rings[ring as usize].insert(seq, maker),
+            None => known.rings[ring as usize].remove(seq),
+        }
         Ok(())
     }
 
@@ -174,7 +177,7 @@ impl AuditLog {
     /// The engine's.
     pub fn heard_all(&self) -> Result<(), StoreError> {
         for ring in Ring::ALL {
-            let found = super::numbers(&*self.engine, ring)?;
+            let found = super::stored_shares(&*self.engine, ring)?;
             let mut known = self.known();
             known.next = known.next.max(found.last().map_or(1, |seq| seq + 1));
             known.rings[ring as usize] = found;

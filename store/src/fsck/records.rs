@@ -15,8 +15,9 @@ use crate::holding;
 use crate::journal::{Entry, JournalRetractionV1, JournalRobotV1, StoredHead};
 use crate::key;
 use crate::mesh::MeshInfo;
-use crate::record::{self, ClockV1, LayoutV1, NameV1, Record};
+use crate::record::{self, LayoutV1, NameV1, Record};
 use crate::robot::RobotHolder;
+use crate::running::Clock;
 use crate::sensor_day::SensorDay;
 use crate::webhook::{Delivery, Notice, Webhook};
 
@@ -283,7 +284,7 @@ impl Assembly {
             b'k' => decoded(bytes, Whole::Calibration),
             b'i' => decoded(bytes, Whole::SensorDay),
             b'a' => decoded(bytes, |_: AccessKey| Whole::Alone),
-            b'y' => decoded(bytes, |_: ClockV1| Whole::Alone),
+            b'y' => decoded(bytes, |_: Clock| Whole::Alone),
             b'A' => decoded(bytes, |_: AuditHeadV1| Whole::Alone),
             b'h' => decoded(bytes, |_: RobotHolder| Whole::Alone),
             b'l' | b'd' | b'q' => decoded(bytes, |_: AuditEntry| Whole::Alone),

@@ -77,35 +77,51 @@ type EventV1 = (IdV1, IdV1, u8, String, u64);
 type ProgressV1 = (u8, u32, Option<u64>);
 /// Time, duration, status, error.
 type AttemptV1 = (u64, u32, Option<u16>, Option<String>);
+type DeliveryV1 = (EventV1, ProgressV1, Vec<AttemptV1>);
 
 impl Record for Delivery {
     const KIND: Kind = Kind::Delivery;
+    const SCHEMA: u16 = 2;
 
     fn to_payload(&self) -> Vec<u8> {
         let (webhook, event) = (self.webhook.as_bytes(), self.event.as_bytes());
         let event = (webhook, event, code(&KINDS, &self.kind), &self.body, self.created_at_ms);
         let progress = (code(&STATES, &self.state), self.n_failed, self.next_at_ms);
         let attempts = self.attempts.iter().map(|it| (it.at_ms, it.took_ms, it.status, &it.error));
-        write(&(event, progress, attempts.collect::<Vec<_>>()))
+        let known = (event, progress, attempts.collect::<Vec<_>>());
+        write(&(known, self.caused_by.map(Uuid::into_bytes)))
     }
 
     fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
-        let (event, progress, attempts): (EventV1, ProgressV1, Vec<AttemptV1>) = read(payload)?;
-        let (webhook, event, kind, body, created_at_ms) = event;
-        let (state, n_failed, next_at_ms) = progress;
-        let attempt = |(at_ms, took_ms, status, error)| Attempt { at_ms, took_ms, status, error };
-        Ok(Self {
-            webhook: Uuid::from_bytes(webhook),
-            event: Uuid::from_bytes(event),
-            kind: coded(&KINDS, "event", kind)?,
-            body,
-            created_at_ms,
-            state: coded(&STATES, "state", state)?,
-            n_failed,
-            next_at_ms,
-            attempts: attempts.into_iter().map(attempt).collect(),
-        })
+        let (known, caused_by): (DeliveryV1, Option<IdV1>) = read(payload)?;
+        Ok(Self { caused_by: caused_by.map(Uuid::from_bytes), ..delivery(known)? })
     }
+
+    fn from_older(schema: u16, payload: &[u8]) -> Result<Self, RecordError> {
+        match schema {
+            1 => delivery(read(payload)?),
+            found => Err(RecordError::Schema { found, known: Self::SCHEMA }),
+        }
+    }
+}
+
+/// A delivery of an unknown key.
+fn delivery((event, progress, attempts): DeliveryV1) -> Result<Delivery, RecordError> {
+    let (webhook, event, kind, body, created_at_ms) = event;
+    let (state, n_failed, next_at_ms) = progress;
+    let attempt = |(at_ms, took_ms, status, error)| Attempt { at_ms, took_ms, status, error };
+    Ok(Delivery {
+        webhook: Uuid::from_bytes(webhook),
+        event: Uuid::from_bytes(event),
+        kind: coded(&KINDS, "event", kind)?,
+        caused_by: None,
+        body,
+        created_at_ms,
+        state: coded(&STATES, "state", state)?,
+        n_failed,
+        next_at_ms,
+        attempts: attempts.into_iter().map(attempt).collect(),
+    })
 }
 
 impl Record for Notice {

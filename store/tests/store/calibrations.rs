@@ -3,6 +3,7 @@
 use palpate_core::sensor::Calibration;
 use palpate_store::calibration::{Addition, StoredCalibration};
 use palpate_store::database::Database;
+use palpate_store::journal::Limit;
 use uuid::Uuid;
 
 use crate::bytes::{current_of, is_calibration, thawed};
@@ -64,9 +65,17 @@ fn calibrations_are_numbered_per_sensor_and_stay() {
     assert_eq!(add(other, Addition::Lines(samples::taxel_lines())).number, 1);
     assert_eq!(calibrations.find(one, 1).unwrap(), Some(first.clone()));
     assert_eq!(calibrations.latest(one).unwrap(), Some(second.clone()));
-    assert_eq!(calibrations.all(one).unwrap(), [first, second]);
-    assert_eq!(calibrations.all(other).unwrap().len(), 1);
-    assert_eq!(calibrations.find(one, 3).unwrap(), None);
+    let page = |sensor, behind, records| {
+        calibrations.page(sensor, behind, Limit { records, bytes: usize::MAX }).unwrap()
+    };
+    assert_eq!(page(one, 0, 9), [first.clone(), second.clone()]);
+    assert_eq!((page(one, 0, 1), page(one, 1, 9)), (vec![first], vec![second]));
+    assert_eq!(page(other, 0, 9).len(), 1);
+    for number in 3..=20 {
+        assert_eq!(add(one, Addition::Lines(samples::taxel_lines())).number, number);
+        assert_eq!(calibrations.latest(one).unwrap().unwrap().number, number);
+    }
+    assert_eq!(calibrations.find(one, 21).unwrap(), None);
 }
 
 #[test]

@@ -72,7 +72,7 @@ fn keys_of_a_snapshot_are_kept_dropped_or_replaced() {
         database.keys().create(&named(1, "revoked-since", None)).await.unwrap();
         database.keys().create(&named(2, "forgotten-since", None)).await.unwrap();
         database.robots().put(&[holder(1)]).await.unwrap();
-        database.store_latest_time(5).await.unwrap();
+        database.store_clock(5, 0).await.unwrap();
     });
     let bytes = snapshot(&*engine);
     assert_eq!(keys(&bytes[..]).unwrap().len(), 2);
@@ -82,7 +82,7 @@ fn keys_of_a_snapshot_are_kept_dropped_or_replaced() {
         now.keys().create(&named(1, "revoked-since", Some(7))).await.unwrap();
         now.keys().create(&named(3, "made-since", None)).await.unwrap();
         now.robots().put(&[holder(3)]).await.unwrap();
-        now.store_latest_time(9).await.unwrap();
+        now.store_clock(9, 0).await.unwrap();
     });
     let restored = |from: KeysFrom<'_>| {
         let engine: Arc<dyn Engine> = Arc::new(MemoryEngine::new());

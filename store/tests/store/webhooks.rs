@@ -1,5 +1,5 @@
-//! Tests of webhooks and their deliveries: frozen bytes (`golden/webhooks_v1.txt`), laws on both
-//! engines, and what a restoration keeps.
+//! Tests of webhooks and their deliveries: frozen bytes (`golden/webhooks_v1.txt`, deliveries of
+//! schema 2 in `golden/webhooks_v2.txt`), laws on both engines, and what a restoration keeps.
 
 use std::sync::Arc;
 
@@ -16,7 +16,8 @@ use uuid::Uuid;
 use crate::bytes::{lines, thawed};
 use crate::samples::wait;
 
-const GOLDEN: &str = include_str!("golden/webhooks_v1.txt");
+const GOLDEN_V1: &str = include_str!("golden/webhooks_v1.txt");
+const GOLDEN: &str = include_str!("golden/webhooks_v2.txt");
 
 fn id(id: u128) -> Uuid {
     Uuid::from_u128(id)
@@ -45,6 +46,7 @@ pub(crate) fn delivery(hook: u128, event: u128) -> Delivery {
         webhook: id(hook),
         event: id(event),
         kind: EventKind::TrainingFinished,
+        caused_by: Some(id(hook + 5)),
         body: "{}".to_owned(),
         created_at_ms: 21,
         state: DeliveryState::Failed,
@@ -88,6 +90,8 @@ fn written_webhooks_equal_the_frozen_bytes_and_are_read() {
     assert_eq!(database.webhooks().all().unwrap(), [webhook(90)]);
     assert_eq!(all(&database.deliveries()), [delivery(90, 91)]);
     assert_eq!(database.deliveries().notices().unwrap(), [notice(50), unknown]);
+    let before = Delivery { caused_by: None, ..delivery(90, 91) };
+    assert_eq!(all(&thawed(GOLDEN_V1).deliveries()), [before]);
 }
 
 #[test]

@@ -50,6 +50,7 @@ pub(super) fn config(args: ServeArgs) -> Config {
         store_cache_bytes: args.store_cache_mb << 20,
         compute_queue_max: args.compute_queue as usize,
         training_time_max: Duration::from_secs(args.training_max_s),
+        training_memory_bytes_max: args.training_memory_mb * 1_000_000,
         migrate: args.migrate,
         dividing: args.store.dividing(),
         disk_reserve_bytes: args.disk_reserve_mb << 20,

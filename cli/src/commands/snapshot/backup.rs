@@ -21,7 +21,7 @@ pub(super) fn name() -> String {
 }
 
 /// Removes all but the newest snapshots, and what interrupted backups left. `newest` was just
-/// written and stays even if the clock was set back. Returns the removed files.
+/// written. Returns the removed files.
 pub(super) fn prune(folder: &Path, newest: &str, keep: usize) -> anyhow::Result<Vec<PathBuf>> {
     let context = || format!("cannot remove old snapshots in {}", folder.display());
     let (mut names, mut removed) = (Vec::new(), Vec::new());
@@ -42,9 +42,11 @@ pub(super) fn prune(folder: &Path, newest: &str, keep: usize) -> anyhow::Result<
     Ok(removed)
 }
 
-/// The names of the snapshots that go when the newest `keep` stay.
+/// The names of the snapshots that go when the newest `keep` stay. One with a later time than the
+/// one just written was written while the clock was ahead, or the clock is behind now: until its
+/// time has come it neither goes nor takes the place of another.
 pub(super) fn surplus(names: Vec<String>, newest: &str, keep: usize) -> Vec<String> {
-    let is_older = |name: &String| name != newest && is_named(name, END);
+    let is_older = |name: &String| name.as_str() < newest && is_named(name, END);
     let mut older: Vec<String> = names.into_iter().filter(is_older).collect();
     older.sort();
     older.truncate((older.len() + 1).saturating_sub(keep));
@@ -80,18 +82,30 @@ mod tests {
         for name in mine.iter().map(String::as_str).chain(others) {
             fs::write(folder.path().join(name), name).unwrap();
         }
-        // The clock was set back before the newest was written.
-        let removed = prune(folder.path(), &day(1), 3).unwrap();
-        assert_eq!(removed, [part, day(2)].map(|name| folder.path().join(name)));
+        let removed = prune(folder.path(), &day(5), 3).unwrap();
+        assert_eq!(removed, [part, day(1)].map(|name| folder.path().join(name)));
         let mut left: Vec<String> = fs::read_dir(folder.path())
             .unwrap()
             .map(|entry| entry.unwrap().file_name().into_string().unwrap())
             .collect();
         left.sort();
-        let mut expected = vec![day(1), day(3), day(5)];
+        let mut expected = vec![day(2), day(3), day(5)];
         expected.extend(others.map(str::to_owned));
         expected.sort();
         assert_eq!(left, expected);
+    }
+
+    #[test]
+    fn a_clock_that_jumps_removes_no_snapshot_that_would_stay() {
+        let day = |day: u32| format!("palpate-202611{day:02}T023000Z.snapshot");
+        let names = |days: &[u32]| days.iter().map(|it| day(*it)).collect::<Vec<_>>();
+        // One was written while the clock was ahead: the three before today's stay as well.
+        assert_eq!(surplus(names(&[2, 3, 4, 28]), &day(4), 3), names(&[]));
+        assert_eq!(surplus(names(&[1, 2, 3, 4, 28]), &day(4), 3), names(&[1]));
+        // The clock is behind: nothing is known to be old.
+        assert_eq!(surplus(names(&[1, 2, 3, 4]), &day(1), 1), names(&[]));
+        // It is ahead now: as many stay as are to.
+        assert_eq!(surplus(names(&[1, 2, 3, 28]), &day(28), 3), names(&[1]));
     }
 
     #[test]

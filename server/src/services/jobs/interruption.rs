@@ -77,7 +77,10 @@ impl Jobs {
     /// What keeps the touches of a job; `None` if its folder cannot be made.
     pub(super) fn keeping(&self, job: Uuid) -> Option<Keeping> {
         match Kept::open(&self.touched.folder(job)) {
-            Ok(kept) => Some(Keeping::new(kept, self.store.clone())),
+            Ok(kept) => {
+                let key = self.store.job_writer(job).ok().flatten().filter(|key| !key.is_nil());
+                Some(Keeping::new(kept, self.store.clone(), key.zip(self.quota)))
+            }
             Err(error) => {
                 tracing::warn!("Cannot keep the touches of job {job}: {error}");
                 None

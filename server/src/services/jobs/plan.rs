@@ -5,11 +5,14 @@ use palpate_schemas::{SensorKnowledge, StartTraining};
 use palpate_store::catalogue::{Manifest, VersionObject};
 use palpate_store::entity::{Object, Sensor};
 use palpate_store::error::StoreError;
+use palpate_store::journal::Event;
+use uuid::Uuid;
 
 use super::Jobs;
 use super::error::JobError;
 use crate::cause::Cause;
-use crate::services::training::{AppearancePlan, Base, Plan, TrainingFailure};
+use crate::limits::megabytes;
+use crate::services::training::{AppearancePlan, Base, Load, Plan, TrainingFailure, memory_bytes};
 use crate::wire as convert;
 use crate::wire::training::VersionParameters;
 
@@ -51,6 +54,7 @@ impl Jobs {
         let known = base.map_or(Vec::new(), |(manifest, _)| manifest.objects);
         let objects = self.objects_of(&training, &known)?;
         training.objects = Some(objects.iter().map(|object| object.id.to_string()).collect());
+        self.weigh(request, &training, objects.iter().map(|object| object.id))?;
         Ok(training)
     }
 
@@ -75,6 +79,51 @@ impl Jobs {
         Ok(level.map(|level| (version, level)))
     }
 
+    /// Refuses a checked training that would take more memory than one may; the refusal names the
+    /// largest factor that `request` states.
+    fn weigh(
+        &self,
+        request: &StartTraining,
+        training: &StartTraining,
+        objects: impl Iterator<Item = Uuid>,
+    ) -> Result<(), Cause> {
+        let asked = (training.readings_per_object, training.surface_readings_per_object);
+        let [n, n_of_surface] = mesh_touches(asked.0, asked.1).map(u64::from);
+        let n_touches = if training.surface.unwrap_or(false) { n.max(n_of_surface) } else { n };
+        let n_taxels = |sensor: &Sensor| sensor.description.grid().n_taxels() as u64;
+        let sensor = self.sensors.get(training.sensor.as_deref().unwrap_or_default())?;
+        let touched = Load { n_readings: n_touches, n_taxels: n_taxels(&sensor) };
+        let mut loads = Vec::new();
+        for object in objects {
+            let journal = self.store.training();
+            let first = journal.entry(object, 0)?.map(|entry| entry.event);
+            loads.push(match first {
+                Some(Event::Reading(first)) => Load {
+                    n_readings: journal.len(object)?,
+                    n_taxels: n_taxels(&*self.sensors.get(&first.sensor.to_string())?),
+                },
+                _ => touched,
+            });
+        }
+        let (bytes, max) = (memory_bytes(&loads, self.training_threads), self.memory_max);
+        if bytes <= max {
+            return Ok(());
+        }
+        let field = match (request.surface_readings_per_object, request.readings_per_object) {
+            _ if !loads.contains(&touched) => "/objects",
+            (Some(_), _) => "/surface_readings_per_object",
+            (None, Some(_)) => "/readings_per_object",
+            (None, None) => "/objects",
+        };
+        let (n_objects, has, max) = (loads.len(), megabytes(bytes), megabytes(max));
+        let detail = format!(
+            "{n_objects} objects with these readings and taxels would take about {has} of memory, \
+             expected at most {max}: train fewer readings, or fewer objects at a time (`extend`), or \
+             start the server with `--training-memory-mb`"
+        );
+        Err(Cause::field(field, detail))
+    }
+
     /// The version to extend, and its training parameters.
     fn base_of(&self, catalogue: &str, version: u32) -> Result<(Manifest, StartTraining), Cause> {
         let found = self.catalogues.manifest_of(catalogue, version);
@@ -96,6 +145,9 @@ impl Jobs {
                 Ok(VersionObject { id: object.id, name: object.name })
             })
             .collect();
+        let objects = objects?;
+        // Readings may have been added since the request.
+        self.weigh(training, training, objects.iter().map(|object| object.id))?;
         let base = match training.extend {
             None => None,
             Some(version) => {
@@ -129,7 +181,7 @@ impl Jobs {
         let touches = mesh_touches(asked.0, asked.1).map(|n| n as usize);
         let [readings_per_object, surface_readings_per_object] = touches;
         Ok(Plan {
-            objects: objects?,
+            objects,
             sensor,
             knowledge,
             kept_from,

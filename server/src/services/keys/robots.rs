@@ -7,7 +7,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::PoisonError;
 
 use palpate_schemas as wire;
-use palpate_store::entity::ReadingId;
 use palpate_store::error::StoreError;
 use palpate_store::robot::RobotHolder;
 use uuid::Uuid;
@@ -16,6 +15,7 @@ use super::Keys;
 use super::error::KeyError;
 use crate::cause::Cause;
 use crate::clock::now_ms;
+use crate::wire::reading::Incoming;
 use crate::wire::{page_length, reading, time};
 
 /// Maximum number of names of one key: more than robots, so that it cannot fill the store.
@@ -32,17 +32,17 @@ impl Keys {
         Ok(all.into_iter().map(|holder| (holder.robot.clone(), holder)).collect())
     }
 
-    /// Claims robots' names for a key: names without an owner become its own. Each reading is
-    /// given with its index in the request.
-    pub(crate) async fn claim_robots<'a>(
+    /// Claims the names of the robots of readings for a key: names without an owner become its own.
+    pub(crate) async fn claim_robots(
         &self,
         key: Option<Uuid>,
-        readings: impl Iterator<Item = (usize, &'a ReadingId)>,
+        readings: &[Incoming],
     ) -> Result<(), KeyError> {
         let Some(key) = key else { return Ok(()) };
-        let mut first: BTreeMap<&str, usize> = BTreeMap::new();
-        for (place, id) in readings {
-            first.entry(&id.robot).or_insert(place);
+        let mut first: BTreeMap<&str, &str> = BTreeMap::new();
+        for reading in readings {
+            let Some(id) = &reading.id else { continue };
+            first.entry(&id.robot).or_insert(&reading.pointer);
         }
         if self.unheld(key, &first)?.is_empty() {
             return Ok(());
@@ -63,15 +63,15 @@ impl Keys {
     fn unheld(
         &self,
         key: Uuid,
-        names: &BTreeMap<&str, usize>,
+        names: &BTreeMap<&str, &str>,
     ) -> Result<BTreeSet<String>, KeyError> {
         let mut unheld = BTreeSet::new();
-        for (name, place) in names {
+        for (name, pointer) in names {
             match self.robots(|robots| robots.get(*name).map(|holder| holder.key)) {
                 Some(holder) if holder == key => {}
                 Some(holder) if self.is_known(holder) => {
                     return Err(KeyError::RobotHeld {
-                        pointer: format!("/readings/{place}/robot"),
+                        pointer: format!("{pointer}/robot"),
                         robot: (*name).to_owned(),
                     });
                 }

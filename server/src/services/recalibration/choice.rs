@@ -175,7 +175,7 @@ fn unfit(
     sensor: Option<Uuid>,
     sources: &Sources<'_>,
 ) -> Result<Option<String>, Cause> {
-    let status = status(sources.store, session, now_ms())?;
+    let status = status(sources.store, session, &sources.store.running(now_ms()))?;
     if status.end.is_none() {
         return Ok(Some("is open, expected an ended one".to_owned()));
     }

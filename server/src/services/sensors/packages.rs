@@ -7,19 +7,32 @@ use base64::engine::general_purpose::STANDARD;
 use palpate_schemas as wire;
 use palpate_store::calibration::{StoredCalibration, StoredPassport};
 use palpate_store::entity::Sensor;
+use palpate_store::journal::Limit;
 use palpate_store::record::{self, Record};
 
 use super::Sensors;
 use crate::cause::Cause;
+use crate::wire::{PAGE_BYTES, page_length, page_number};
 
 impl Sensors {
-    /// A sensor with its calibrations as a package.
-    pub(crate) fn package(&self, reference: &str) -> Result<wire::SensorPackage, Cause> {
+    /// A sensor with a page of its calibrations as a package. Blocks.
+    pub(crate) fn package(
+        &self,
+        reference: &str,
+        query: &wire::PageQuery,
+    ) -> Result<wire::SensorPackage, Cause> {
         let sensor = self.get(reference)?;
-        let calibrations = self.store.calibrations().all(sensor.id)?;
+        let first = page_number(query)?;
+        let behind = u32::try_from(first).unwrap_or(u32::MAX);
+        let limit = Limit { records: page_length(query)?, bytes: PAGE_BYTES };
+        let calibrations = self.store.calibrations().page(sensor.id, behind, limit)?;
+        let last = calibrations.last().map_or(behind, |last| last.number);
+        let more = self.store.calibrations().find(sensor.id, last.saturating_add(1))?.is_some();
         Ok(wire::SensorPackage {
             name: sensor.name.clone(),
             record: STANDARD.encode(record::encode(&*sensor)),
+            first: behind,
+            next_cursor: more.then(|| last.to_string()),
             calibrations: calibrations
                 .iter()
                 .map(|it| STANDARD.encode(record::encode(it)))
@@ -27,8 +40,8 @@ impl Sensors {
         })
     }
 
-    /// Takes a sensor over with the calibrations that are missing here; how the two differ, if
-    /// they do.
+    /// Takes a sensor over with those calibrations of a page that are missing here; how the two
+    /// differ, if they do.
     pub(crate) async fn adopt(
         &self,
         package: &wire::SensorPackage,
@@ -50,7 +63,9 @@ impl Sensors {
         if !is_same(&here, &there) {
             return Ok(Some("its description differs from the central service's".to_owned()));
         }
-        let own = self.store.calibrations().all(id)?;
+        let (calibrations, length) = (self.store.calibrations(), package.calibrations.len());
+        let limit = Limit { records: length, bytes: usize::MAX };
+        let own = calibrations.page(id, package.first, limit)?;
         for (index, record) in package.calibrations.iter().enumerate() {
             let there: StoredCalibration = decoded("/calibrations", record)?;
             let there = StoredCalibration { sensor: id, ..there };
@@ -63,14 +78,19 @@ impl Sensors {
                     )));
                 }
                 None => {
-                    self.store.calibrations().adopt(&there).await?;
+                    calibrations.adopt(&there).await?;
                     self.known.added(id, there.number);
                     let (name, number) = (&package.name, there.number);
                     tracing::info!("Calibration {number} of sensor {name:?} came as well");
                 }
             }
         }
-        let n_more = own.len().saturating_sub(package.calibrations.len());
+        if package.next_cursor.is_some() {
+            return Ok(None);
+        }
+        let n_there = package.first as usize + length;
+        let n_here = calibrations.latest(id)?.map_or(0, |latest| latest.number as usize);
+        let n_more = n_here.saturating_sub(n_there);
         let more = format!("it has {n_more} calibrations that the central service does not have");
         Ok((n_more > 0).then_some(more))
     }

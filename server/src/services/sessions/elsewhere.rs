@@ -7,8 +7,7 @@ use uuid::Uuid;
 
 use super::Sessions;
 use crate::cause::Cause;
-use crate::clock::now_ms;
-use crate::live::{Live, status};
+use crate::live::Live;
 use crate::wire::life::opened_by;
 
 impl Sessions {
@@ -25,9 +24,9 @@ impl Sessions {
             return Ok(());
         };
         self.ids.add(id);
-        let status = status(&self.tools.store, &session, now_ms())?;
+        let status = self.status(&session)?;
         if status.end.is_none() {
-            self.open.note(id, status.expires_at_ms, opened_by(&session));
+            self.open.note(id, status.expires_ran_ms, opened_by(&session));
         } else if self.open.contains(id) {
             self.left_elsewhere(id);
             if let Some(live) = live() {

@@ -103,7 +103,7 @@ impl Sessions {
         let store = self.tools.store.clone();
         let table = self.tools.store.sessions();
         let changed = table.update(id, move |session| {
-            if let Some(end) = status(&store, session, now)?.end {
+            if let Some(end) = status(&store, session, &store.running(now))?.end {
                 return Err(LiveError::Ended { session: id, end });
             }
             set_acknowledged(session, now, muted_until);
@@ -157,11 +157,11 @@ impl Sessions {
 
     /// The open sessions in no order. Blocks.
     pub(super) fn open_now(&self, now: u64) -> Result<Vec<OpenSession>, Cause> {
-        let mut open = Vec::new();
+        let (mut open, running) = (Vec::new(), self.tools.store.running(now));
         for id in self.open.page(None, usize::MAX).0 {
             // A session deleted or damaged meanwhile is not open any more.
             let Ok(Some(session)) = self.tools.store.sessions().find(id) else { continue };
-            let status = status(&self.tools.store, &session, now)?;
+            let status = status(&self.tools.store, &session, &running)?;
             if status.end.is_none() {
                 open.push(self.judged(session, status, now));
             }

@@ -6,10 +6,11 @@ use palpate_schemas as wire;
 use palpate_store::error::StoreError;
 
 use super::fits::fits;
-use super::{SessionError, Sessions, finished};
+use super::{SessionError, Sessions};
 use crate::asker;
+use crate::cause::Cause;
 use crate::clock::now_ms;
-use crate::live::LiveError;
+use crate::live::{Live, LiveError};
 use crate::wire::session::{Limits, options};
 use crate::wire::{self as convert, forwarding};
 
@@ -29,6 +30,7 @@ impl Sessions {
                 None => Err(LiveError::NotForwarded { session: id }.into()),
             };
         }
+        forwarding::check_time(id, now_ms())?;
         let _using = self.catalogues.using().await;
         self.catalogues.expect_hash(name, version, &request.version_hash)?;
         let pinned = self.catalogues.pin(name, Some(version), None)?;
@@ -42,9 +44,9 @@ impl Sessions {
         let session = convert::session::new_session(&asked, method, &model, id, limits)?;
         let session = forwarding::of_cell(session, &request.cell);
         fits(&session, &model, self.belief_bytes_max)?;
-        match self.begin(session, model, now_ms()).await {
+        match self.begin(session, model).await {
             // Another request of the cell was faster.
-            Err(SessionError::Cause(crate::cause::Cause::Store(StoreError::Exists { .. }))) => {
+            Err(SessionError::Cause(Cause::Store(StoreError::Exists { .. }))) => {
                 Ok(self.show(&self.tools.store.sessions().get(id)?)?)
             }
             begun => begun,
@@ -57,27 +59,18 @@ impl Sessions {
         id: &str,
         request: &wire::ForwardEntries,
     ) -> Result<wire::EntriesForwarded, SessionError> {
-        forwarding::check(request)?;
-        let live = self.live(self.parse(id)?).await?;
-        let using = self.sensors.using().await;
-        let frame_id = convert::session::frame_id(live.session());
-        let source = |named: &str| self.sensors.source(named);
-        let entries = forwarding::entries(request, source, frame_id)?;
-        live.check(&entries_read(&entries))?;
-        let from = u64::from(request.from);
-        let forwarding = async move {
-            let _using = using;
-            live.forward(from, &entries).await
+        let given = forwarding::readings(request)?;
+        let (from, list) = (u64::from(request.from), ("/entries", request.entries.len()));
+        let forward = |live: Arc<Live>, readings| {
+            let entries = forwarding::entries(request, readings);
+            async move {
+                let forwarded = live.forward(from, &entries.map_err(Cause::from)?).await?;
+                Ok::<_, LiveError>((u64::from(forwarded.n_new), forwarded))
+            }
         };
-        finished(asker::spawn(forwarding)).await
+        let (mut forwarded, warnings) = self.take_in(id, list, &given, forward).await?;
+        forwarded.warnings.extend(warnings);
+        forwarding::point_to_entries(&mut forwarded.warnings, &given);
+        Ok(forwarded)
     }
-}
-
-/// The readings among entries.
-fn entries_read(entries: &[forwarding::Forwarded]) -> Vec<convert::reading::Incoming> {
-    let readings = entries.iter().filter_map(|entry| match entry {
-        forwarding::Forwarded::Reading(incoming) => Some(incoming.as_ref().clone()),
-        forwarding::Forwarded::Retraction(_) => None,
-    });
-    readings.collect()
 }

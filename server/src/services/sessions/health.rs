@@ -12,9 +12,8 @@ use tokio::sync::watch;
 use uuid::Uuid;
 
 use super::{SessionError, Sessions, is_idle};
-use crate::clock::{now_ms, pause};
+use crate::clock::pause;
 use crate::compute::{ComputeError, Place};
-use crate::live::status;
 use crate::wire::session::options;
 
 /// Probability from which a session's object counts as recognised. Chosen: an error of one in a
@@ -63,7 +62,7 @@ impl Sessions {
 
     async fn count_health(self: &Arc<Self>, id: Uuid) -> Result<(), SessionError> {
         let Some(session) = self.tools.store.sessions().find(id)? else { return Ok(()) };
-        let status = status(&self.tools.store, &session, now_ms())?;
+        let status = self.status(&session)?;
         let Some(end) = status.end else { return Ok(()) };
         self.keep_outcome(&session, &status).await?;
         let place = self.place().await?;

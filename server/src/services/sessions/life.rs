@@ -10,6 +10,7 @@ use palpate_schemas as wire;
 use palpate_schemas::SessionEvent;
 use palpate_store::entity::Session;
 use palpate_store::error::StoreError;
+use palpate_store::running::Running;
 use rayon::prelude::*;
 use tokio::sync::watch;
 use uuid::Uuid;
@@ -44,6 +45,7 @@ impl Sessions {
     /// Registers all sessions and the open ones, and removes the checkpoints of others. Blocks.
     pub(crate) fn take_stock(&self) -> Result<(), Cause> {
         let (mut after, now) = (None, now_ms());
+        let running = self.tools.store.running(now);
         loop {
             let page = self.tools.store.sessions().list_whole(after, SESSIONS_PER_READ)?;
             page.items.iter().for_each(|session| self.ids.add(session.id));
@@ -54,11 +56,12 @@ impl Sessions {
                 page.items.iter().filter(|it| it.closed_at_ms.is_some_and(|at| at >= since));
             closed.for_each(|session| self.sensors.health().note(session.id));
             let ends = page.items.par_iter().filter(|session| session.closed_at_ms.is_none());
-            let ends = ends.map(|session| Ok((session, status(&self.tools.store, session, now)?)));
+            let ends =
+                ends.map(|session| Ok((session, status(&self.tools.store, session, &running)?)));
             page.items.iter().try_for_each(|session| self.note_unforwarded(session))?;
             for (session, status) in ends.collect::<Result<Vec<_>, StoreError>>()? {
                 match status.end {
-                    None => self.open.note(session.id, status.expires_at_ms, opened_by(session)),
+                    None => self.open.note(session.id, status.expires_ran_ms, opened_by(session)),
                     Some(end) if end.at_ms >= since => self.sensors.health().note(session.id),
                     Some(_) => {}
                 }
@@ -86,7 +89,7 @@ impl Sessions {
         let session =
             convert::session::new_session(request, method, &model, Uuid::now_v7(), limits)?;
         fits(&session, &model, self.belief_bytes_max)?;
-        self.begin(session, model, limits.now_ms).await
+        self.begin(session, model).await
     }
 
     /// Stores a new session and opens it.
@@ -94,10 +97,9 @@ impl Sessions {
         &self,
         session: Session,
         model: Arc<Model>,
-        now: u64,
     ) -> Result<wire::Session, SessionError> {
-        let status = status(&self.tools.store, &session, now)?;
-        self.enter(session.id, status.expires_at_ms, asker::Asker::current().client())?;
+        let status = self.status(&session)?;
+        self.enter(session.id, status.expires_ran_ms, asker::Asker::current().client())?;
         if let Err(error) = self.tools.store.sessions().create(&session).await {
             // One with its id keeps its place.
             if !matches!(error, StoreError::Exists { .. }) {
@@ -114,7 +116,7 @@ impl Sessions {
         Ok(shown)
     }
 
-    /// Keeps a session open for a time without new readings.
+    /// Keeps a session open for a time without new readings; a longer lease stays.
     pub(crate) async fn extend(
         &self,
         id: &str,
@@ -123,13 +125,16 @@ impl Sessions {
         let id = self.find(id)?.id;
         let lease = convert::life::lease(asked)?;
         let (store, now, key) = (self.tools.store.clone(), now_ms(), asker::Asker::current().key());
-        let until = now.saturating_add(lease.as_millis() as u64);
+        let (lease_ms, running) = (lease.as_millis() as u64, store.running(now));
         let table = self.tools.store.sessions();
         let extended = table.update(id, move |session| {
-            if let Some(end) = status(&store, session, now)?.end {
+            let status = status(&store, session, &running)?;
+            if let Some(end) = status.end {
                 return Err(LiveError::Ended { session: id, end });
             }
-            set_lease(session, until, key);
+            if status.leased_ran_ms < Some(running.now_ms() + lease_ms) {
+                set_lease(session, now, lease_ms, key);
+            }
             Ok(())
         });
         let session = extended.await??;
@@ -229,18 +234,19 @@ impl Sessions {
 
     /// Ends the expired sessions and notifies their followers.
     fn sweep(&self) -> Result<(), Cause> {
-        let now = now_ms();
-        for id in self.open.due(now) {
+        let running = self.tools.store.running(now_ms());
+        for id in self.open.due(running.now_ms()) {
             let Some(session) = self.tools.store.sessions().find(id)? else {
                 self.open.leave(id);
                 continue;
             };
-            let status = status(&self.tools.store, &session, now)?;
+            let status = status(&self.tools.store, &session, &running)?;
             if status.end.is_none() {
-                self.open.note(id, status.expires_at_ms, opened_by(&session));
+                self.open.note(id, status.expires_ran_ms, opened_by(&session));
                 continue;
             }
             self.leave(id);
+            self.keys.want_time();
             tracing::info!(session.id = %id, "Session {id} expired");
             if let Some(live) = self.live.get(&id).map(|live| Arc::clone(&live)) {
                 let session = Box::new(self.show(&session)?);
@@ -250,12 +256,19 @@ impl Sessions {
         Ok(())
     }
 
-    /// Deletes the sessions that ended before; their number.
+    /// Deletes the sessions that ended longer than `keep` ago in running time; their number.
     async fn forget_ended(&self, keep: Duration) -> Result<usize, SessionError> {
-        let before_ms = now_ms().saturating_sub(keep.as_millis() as u64);
+        // What the clocks of other servers showed is known afterwards.
+        if let Err(error) = self.keys.store_time().await {
+            tracing::warn!(%error, "Cannot store the time");
+        }
+        let running = self.tools.store.running(now_ms());
+        let Some(before_ran_ms) = running.now_ms().checked_sub(keep.as_millis() as u64) else {
+            return Ok(0);
+        };
         let (mut after, mut n_deleted) = (None, 0);
         loop {
-            let (ended, next) = self.ended(after, before_ms)?;
+            let (ended, next) = self.ended(after, before_ran_ms, &running)?;
             let mut deleting = stream::iter(ended)
                 .map(|id| async move { self.delete(&id.to_string()).await })
                 .buffer_unordered(FORGET_AT_ONCE);
@@ -274,21 +287,23 @@ impl Sessions {
         }
     }
 
-    /// Sessions of one piece that had ended by then, and the start of the next piece.
+    /// Sessions of one piece that had ended by a running time, and the start of the next piece.
     fn ended(
         &self,
         after: Option<Uuid>,
-        before_ms: u64,
+        before_ran_ms: u64,
+        running: &Running,
     ) -> Result<(Vec<Uuid>, Option<Uuid>), StoreError> {
         let page = self.tools.store.sessions().list_whole(after, FORGET_PAGE)?;
         let mut ended = Vec::new();
         for session in &page.items {
-            // Ids are in the order of creation: later ones cannot have ended by then.
-            if session.created_at_ms > before_ms {
+            // Ids are in the order of the clock at their creation: later ones cannot have ended by
+            // then, as far as the clock tells.
+            if running.at(session.created_at_ms) > before_ran_ms {
                 return Ok((ended, None));
             }
-            let end = status(&self.tools.store, session, now_ms())?.end;
-            let is_over = end.is_some_and(|end| end.at_ms <= before_ms);
+            let end = status(&self.tools.store, session, running)?.end;
+            let is_over = end.is_some_and(|end| end.ran_ms <= before_ran_ms);
             // A cell keeps what the central service does not have.
             if is_over && self.is_forwarded(session) {
                 ended.push(session.id);
@@ -319,8 +334,9 @@ impl Sessions {
         self.sweep()?;
         self.open.enter(id, expires, client).map_err(|full| match full {
             Full::Total { max, soonest_ms } => {
+                let ran_ms = self.tools.store.running(now_ms()).now_ms();
                 let wait = soonest_ms.map(|soonest| {
-                    Duration::from_millis(soonest.saturating_sub(now_ms())).max(SWEEP_EVERY)
+                    Duration::from_millis(soonest.saturating_sub(ran_ms)).max(SWEEP_EVERY)
                 });
                 SessionError::Full { max, wait }
             }

@@ -3,6 +3,7 @@
 use palpate_schemas as wire;
 use palpate_store::error::StoreError;
 use palpate_store::journal::{Event, Limit};
+use palpate_store::running::Running;
 use palpate_store::table::LOOKED_AT_MAX;
 use uuid::Uuid;
 
@@ -26,7 +27,7 @@ impl Sessions {
     pub(crate) fn list(&self, query: wire::SessionsQuery) -> Result<wire::SessionPage, Cause> {
         let page = wire::PageQuery { limit: query.limit, cursor: query.cursor.clone() };
         let (after, limit) = (page_id(&page)?, page_length(&page)?);
-        let (search, now) = (Search::new(query)?, now_ms());
+        let (search, running) = (Search::new(query)?, self.tools.store.running(now_ms()));
         let mut range = search.range();
         range = after.map_or(range, |after| range.behind(after));
         let (mut items, mut n_looked_at) = (Vec::new(), 0);
@@ -40,7 +41,7 @@ impl Sessions {
                     continue;
                 }
                 n_looked_at += 1;
-                let shown = self.shown_of(id, now)?;
+                let shown = self.shown_of(id, &running)?;
                 items.extend(shown.filter(|session| search.fits(session)));
                 if items.len() == limit || n_looked_at == LOOKED_AT_MAX {
                     let is_more = !self.ids.page(range.behind(id), 1).is_empty();
@@ -53,10 +54,10 @@ impl Sessions {
     }
 
     /// A session in its wire form; `None` if it was deleted, or is damaged, which is logged.
-    fn shown_of(&self, id: Uuid, now: u64) -> Result<Option<wire::Session>, Cause> {
+    fn shown_of(&self, id: Uuid, running: &Running) -> Result<Option<wire::Session>, Cause> {
         let shown = self.tools.store.sessions().find(id).and_then(|found| {
             let shown = |session| {
-                let status = status(&self.tools.store, &session, now)?;
+                let status = status(&self.tools.store, &session, running)?;
                 self.show_as(&session, status)
             };
             found.map(shown).transpose()

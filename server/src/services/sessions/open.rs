@@ -19,7 +19,7 @@ pub(super) struct Open {
 
 /// The slot of an open session.
 struct Place {
-    /// Earliest expiry (ms since 1970); `None` for never.
+    /// Earliest expiry (running time, ms); `None` for never.
     expires: Option<u64>,
     _holding: Holding,
 }
@@ -27,7 +27,7 @@ struct Place {
 /// Reason for which there is no slot for a new session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Full {
-    /// All slots are taken; one is free again at this time at the earliest.
+    /// All slots are taken; one is free again at this running time at the earliest.
     Total { max: usize, soonest_ms: Option<u64> },
     /// The client's share is: of all places this many are taken.
     Share { used: usize, max: usize },

@@ -7,8 +7,6 @@ use uuid::Uuid;
 
 use super::{SessionError, Sessions};
 use crate::cause::Cause;
-use crate::clock::now_ms;
-use crate::live::status;
 use crate::wire::forwarding;
 use crate::wire::session::{ForwardMark, options};
 
@@ -53,7 +51,7 @@ impl Sessions {
             return Ok(None);
         };
         let is_closed = self.tools.store.journal().head(id)?.is_closed;
-        let status = status(&self.tools.store, &session, now_ms())?;
+        let status = self.status(&session)?;
         let name = self.catalogues.name(session.catalogue)?;
         let hash = self.catalogues.hash(&name, session.version)?;
         Ok(Some(OutgoingSession {

@@ -11,11 +11,12 @@ use palpate_store::error::StoreError;
 use palpate_store::webhook::{Delivery, DeliveryState, EventKind, Notice};
 use uuid::{Builder, Uuid};
 
-use super::registry::{Entry, Known};
+use super::registry::{Entry, Known, Share};
 use super::{Webhooks, count_end};
 use crate::cause::Cause;
 use crate::clock::now_ms;
 use crate::notices::{Alarm, Decision, Waiting};
+use crate::wire::life::opened_by;
 use crate::wire::webhook::{body, finished_job};
 
 /// Maximum length of an event's body, bytes. Longer ones are not sent.
@@ -29,6 +30,8 @@ struct Event {
     id: Uuid,
     kind: EventKind,
     at_ms: u64,
+    /// The key that caused it, where that is known.
+    caused_by: Option<Uuid>,
     data: wire::WebhookEventData,
 }
 
@@ -44,7 +47,7 @@ fn event_id(kind: EventKind, at_ms: u64, subject: Uuid, what: &str) -> Uuid {
 pub(super) fn pending(
     webhook: Uuid,
     event: Uuid,
-    kind: EventKind,
+    (kind, caused_by): Share,
     now_ms: u64,
     body: impl FnOnce() -> String,
 ) -> Delivery {
@@ -52,6 +55,7 @@ pub(super) fn pending(
         webhook,
         event,
         kind,
+        caused_by,
         body: body(),
         created_at_ms: now_ms,
         state: DeliveryState::Pending,
@@ -76,9 +80,15 @@ impl Webhooks {
             }
             self.store.deliveries().remove_all(webhook).await?;
         }
-        let since = now_ms().saturating_sub(JOBS_BEFORE_MS);
+        let (now, running) = (now_ms(), self.store.running(now_ms()));
+        // A clock that jumped makes no training old.
+        let is_recent = |at_ms: u64| {
+            let ran_ms = running.at(at_ms);
+            let is_by_clock = at_ms >= now.saturating_sub(JOBS_BEFORE_MS);
+            is_by_clock || (ran_ms > 0 && running.now_ms() - ran_ms <= JOBS_BEFORE_MS)
+        };
         for job in self.store.jobs().list_whole(None, usize::MAX - 1)?.items {
-            let finished = finished_job(&job).filter(|(at_ms, _)| *at_ms >= since);
+            let finished = finished_job(&job).filter(|(at_ms, _)| is_recent(*at_ms));
             if let Some((at_ms, job)) = finished {
                 self.announce_job(at_ms, &job, true).await?;
             }
@@ -174,7 +184,9 @@ impl Webhooks {
             Err(error) => return Err(error),
         };
         let id = event_id(kind, at_ms, session, what);
-        let deliveries = self.deliveries_of(Event { id, kind, at_ms, data: data(shown) }, false);
+        let caused_by = self.store.sessions().find(session)?.as_ref().and_then(opened_by);
+        let event = Event { id, kind, at_ms, caused_by, data: data(shown) };
+        let deliveries = self.deliveries_of(event, false);
         self.add(deliveries, Some(&notice)).await?;
         self.notices.set_announced(notice);
         Ok(())
@@ -188,10 +200,13 @@ impl Webhooks {
     ) -> Result<(), Cause> {
         let kind = EventKind::TrainingFinished;
         let id = event_id(kind, at_ms, job.id, "");
+        let caused_by = self.store.job_writer(job.id).map_err(StoreError::from)?;
+        let caused_by = caused_by.filter(|key| !key.is_nil());
         let job = Some(job.clone());
         let data = wire::WebhookEventData { job, ..wire::WebhookEventData::default() };
         let _changing = self.changing.lock().await;
-        let deliveries = self.deliveries_of(Event { id, kind, at_ms, data }, is_repeated);
+        let deliveries =
+            self.deliveries_of(Event { id, kind, at_ms, caused_by, data }, is_repeated);
         Ok(self.add(deliveries, None).await?)
     }
 
@@ -208,17 +223,19 @@ impl Webhooks {
         let data = wire::WebhookEventData { snapshot, ..wire::WebhookEventData::default() };
         let _changing = self.changing.lock().await;
         let id = Uuid::now_v7();
-        let deliveries = self.deliveries_of(Event { id, kind, at_ms, data }, false);
+        let deliveries =
+            self.deliveries_of(Event { id, kind, at_ms, caused_by: None, data }, false);
         Ok(self.add(deliveries, None).await?)
     }
 
     /// Makes the deliveries of an event to the webhooks that take it and do not have it yet. A
     /// repeated event skips webhooks whose history may have evicted it.
     fn deliveries_of(&self, event: Event, is_repeated: bool) -> Vec<Delivery> {
-        let Event { id, kind, at_ms, data } = event;
+        let (now, Event { id, kind, at_ms, caused_by, data }) = (now_ms(), event);
         let is_new = |known: &&Known| {
             let is_known = known.entries.contains_key(&id);
-            known.takes(kind, at_ms) && !is_known && !(is_repeated && known.may_have_evicted(id))
+            let was_known = is_repeated && known.may_have_evicted(kind, id);
+            known.takes(kind, at_ms, now) && !is_known && !was_known
         };
         let takers: Vec<Uuid> = self.read(|registry| {
             registry.0.values().filter(is_new).map(|known| known.webhook.id).collect()
@@ -234,8 +251,8 @@ impl Webhooks {
             count_end("too_large");
             return Vec::new();
         }
-        let now = now_ms();
-        takers.iter().map(|hook| pending(*hook, id, kind, now, || body.clone())).collect()
+        let share = (kind, caused_by);
+        takers.iter().map(|hook| pending(*hook, id, share, now, || body.clone())).collect()
     }
 
     /// Stores new deliveries, at most one of each webhook, with a notice. Webhooks must not change
@@ -247,7 +264,8 @@ impl Webhooks {
     ) -> Result<(), StoreError> {
         let evicted: Vec<(Uuid, Uuid, Entry)> = self.read(|registry| {
             let of = |delivery: &Delivery| {
-                let (event, entry) = registry.0.get(&delivery.webhook)?.next_evicted()?;
+                let share = (delivery.kind, delivery.caused_by);
+                let (event, entry) = registry.0.get(&delivery.webhook)?.next_evicted(share)?;
                 Some((delivery.webhook, event, entry))
             };
             new.iter().filter_map(of).collect()
@@ -257,20 +275,22 @@ impl Webhooks {
         }
         let removed: Vec<_> = evicted.iter().map(|(hook, event, _)| (*hook, *event)).collect();
         let added = self.store.deliveries().add(&new, &removed, notice).await?;
+        let running = self.store.running(now_ms());
         self.write(|registry| {
             for (hook, event, _) in &evicted {
                 registry.0.get_mut(hook).and_then(|known| known.entries.remove(event));
             }
             for delivery in added {
                 if let Some(known) = registry.0.get_mut(&delivery.webhook) {
-                    known.entries.insert(delivery.event, Entry::of(delivery));
+                    known.entries.insert(delivery.event, Entry::of(delivery, &running));
                 }
             }
         });
         for (hook, event, entry) in &evicted {
             if entry.is_waiting() {
                 tracing::warn!(webhook.id = %hook, event.id = %event,
-                    "Event {event} left the history of webhook {hook} undelivered: newer ones came");
+                    "Event {event} left the history of webhook {hook} undelivered: newer ones of its \
+                     kind and key came");
                 count_end("displaced");
             }
         }

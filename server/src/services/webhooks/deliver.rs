@@ -45,13 +45,13 @@ impl Webhooks {
                 clock::pause(STORE_PAUSE, &mut stopping).await;
             }
             let wait = if self.sends(&mut right).await {
-                for (webhook, event) in self.write(|registry| registry.begin(now_ms())) {
+                let now = self.now();
+                for (webhook, event) in self.write(|registry| registry.begin(now)) {
                     let webhooks = Arc::clone(&self);
                     sending.spawn(async move { webhooks.attempt(webhook, event).await });
                 }
-                let next = self.read(super::Registry::next_at);
-                let wait = next.map(|at| Duration::from_millis(at.saturating_sub(now_ms())));
-                wait.map_or(LOOK_EVERY, |wait| wait.min(LOOK_EVERY))
+                let rest = self.read(|registry| registry.rest_ms(now));
+                rest.map_or(LOOK_EVERY, |rest| Duration::from_millis(rest).min(LOOK_EVERY))
             } else {
                 TAKE_EVERY
             };
@@ -99,6 +99,7 @@ impl Webhooks {
             tracing::error!(webhook.id = %webhook, event.id = %event,
                 "Cannot store the attempt to deliver {event} to webhook {webhook}: {error}");
         }
+        let now = self.now();
         self.write(|registry| {
             let Some(known) = registry.0.get_mut(&webhook) else { return };
             known.in_flight.remove(&event);
@@ -107,7 +108,7 @@ impl Webhooks {
                     known.entries.remove(&event);
                 }
                 (Err(_), Some(entry)) => {
-                    entry.next_at_ms = entry.next_at_ms.map(|_| now_ms() + UNSTORED_PAUSE_MS);
+                    entry.put_off(UNSTORED_PAUSE_MS, now);
                 }
                 (Ok(()), _) | (Err(_), None) => {}
             }

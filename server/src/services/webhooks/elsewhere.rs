@@ -9,6 +9,7 @@ use uuid::Uuid;
 
 use super::registry::{Entry, Known};
 use super::{Webhooks, stored};
+use crate::clock::now_ms;
 
 /// Interval at which a server tries to become the one that sends. Chosen: a fraction of the time
 /// for which a server that died still counts as that one.
@@ -70,10 +71,11 @@ impl Webhooks {
     pub(crate) async fn heard_delivery(&self, id: Uuid, event: Uuid) -> Result<(), StoreError> {
         let _changing = self.changing.lock().await;
         let found = self.store.deliveries().find(id, event)?;
+        let running = self.store.running(now_ms());
         self.write(|registry| {
             let Some(known) = registry.0.get_mut(&id) else { return };
             match &found {
-                Some(delivery) => known.entries.insert(event, Entry::of(delivery)),
+                Some(delivery) => known.entries.insert(event, Entry::of(delivery, &running)),
                 None => known.entries.remove(&event),
             };
         });

@@ -26,8 +26,9 @@ impl Webhooks {
     pub(crate) async fn test(&self, id: &str) -> Result<wire::WebhookDelivery, WebhookError> {
         let (id, event, now) = (self.id(id)?, Uuid::now_v7(), now_ms());
         let data = wire::WebhookEventData::default();
-        let ping =
-            pending(id, event, EventKind::Ping, now, || body(event, EventKind::Ping, now, data));
+        let ping = pending(id, event, (EventKind::Ping, None), now, || {
+            body(event, EventKind::Ping, now, data)
+        });
         let mut changed = self.changed.subscribe();
         {
             let _changing = self.changing.lock().await;
@@ -122,9 +123,10 @@ impl Webhooks {
     /// Stores the state of a delivery, then applies it.
     pub(super) async fn settle(&self, delivery: &Delivery) -> Result<(), StoreError> {
         self.store.deliveries().update(delivery).await?;
+        let running = self.store.running(now_ms());
         self.write(|registry| {
             if let Some(known) = registry.0.get_mut(&delivery.webhook) {
-                known.entries.insert(delivery.event, Entry::of(delivery));
+                known.entries.insert(delivery.event, Entry::of(delivery, &running));
             }
         });
         self.changed.send_replace(());
