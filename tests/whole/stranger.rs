@@ -109,10 +109,11 @@ fn send(address: &str, requests: &[String]) {
         let now = &rest[..rest.len().min(AT_ONCE)];
         let mut n_answered = 0;
         for request in now {
-            if stream.write_all(request.as_bytes()).is_err() || !is_answered(&mut stream) {
+            let is_sent = stream.write_all(request.as_bytes()).is_ok();
+            n_answered += usize::from(is_sent);
+            if !is_sent || !is_answered(&mut stream) {
                 break;
             }
-            n_answered += 1;
         }
         rest = &rest[n_answered.max(1)..];
     }
@@ -144,7 +145,8 @@ fn state(serving: &Serving, address: &str) -> (Vec<String>, u64) {
     stream.write_all(said.as_bytes()).unwrap();
     let mut text = String::new();
     stream.read_to_string(&mut text).unwrap();
-    let series = text.lines().filter_map(|line| Some(line.rsplit_once(' ')?.0.to_owned()));
+    let (_, figures) = text.split_once("\r\n\r\n").unwrap();
+    let series = figures.lines().filter_map(|line| Some(line.rsplit_once(' ')?.0.to_owned()));
     (series.collect(), memory_kib(serving.process(), "VmRSS").unwrap())
 }
 

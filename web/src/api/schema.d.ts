@@ -575,8 +575,8 @@ export interface paths {
         };
         /**
          * Follow several sessions
-         * @description Streams the events of up to 100 sessions as one stream. The stream continues when one of the
-         *     sessions closes.
+         * @description Streams the events of up to 100 sessions as one stream, which ends with the last of them. It
+         *     counts as one stream for each session.
          */
         get: operations["events"];
         put?: never;
@@ -1370,7 +1370,8 @@ export interface paths {
         /**
          * Follow a session
          * @description Streams server-sent events named `belief`, `closed` and `deleted`, each with a `SessionEvent` as
-         *     data. The first event is the current belief, unless `Last-Event-ID` names its revision.
+         *     data. The first event is the current belief, unless `Last-Event-ID` names its revision. If the
+         *     session has ended, `closed` follows and the stream ends.
          */
         get: operations["session_events"];
         put?: never;
@@ -9037,6 +9038,15 @@ export interface operations {
                     "application/json": components["schemas"]["CurrentVersion"];
                 };
             };
+            /** @description Not modified: the client has it, by a tag in `If-None-Match` */
+            304: {
+                headers: {
+                    /** @description The revision */
+                    etag?: string;
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
             /** @description The API key is missing or not valid */
             401: {
                 headers: {
@@ -12541,9 +12551,11 @@ export interface operations {
                     "application/json": components["schemas"]["OccupancyMap"];
                 };
             };
-            /** @description Not modified: the client has it */
+            /** @description Not modified: the client has it, by a tag in `If-None-Match` */
             304: {
                 headers: {
+                    /** @description The version's tag */
+                    etag?: string;
                     [name: string]: unknown;
                 };
                 content?: never;
@@ -12766,9 +12778,11 @@ export interface operations {
                     "model/ply": components["schemas"]["MapFile"];
                 };
             };
-            /** @description Not modified: the client has it */
+            /** @description Not modified: the client has it, by a tag in `If-None-Match` */
             304: {
                 headers: {
+                    /** @description The version's tag */
+                    etag?: string;
                     [name: string]: unknown;
                 };
                 content?: never;
@@ -12991,9 +13005,11 @@ export interface operations {
                     "image/png": components["schemas"]["MapFile"];
                 };
             };
-            /** @description Not modified: the client has it */
+            /** @description Not modified: the client has it, by a tag in `If-None-Match` */
             304: {
                 headers: {
+                    /** @description The version's tag */
+                    etag?: string;
                     [name: string]: unknown;
                 };
                 content?: never;
@@ -20511,9 +20527,11 @@ export interface operations {
                     "image/png": components["schemas"]["MeshFile"];
                 };
             };
-            /** @description Not modified: the client has the newest belief */
+            /** @description Not modified: the client has it, by a tag in `If-None-Match` */
             304: {
                 headers: {
+                    /** @description The mesh's tag */
+                    etag?: string;
                     [name: string]: unknown;
                 };
                 content?: never;
@@ -27213,9 +27231,11 @@ export interface operations {
                     "application/json": components["schemas"]["Belief"];
                 };
             };
-            /** @description Not modified: the client has the newest belief */
+            /** @description Not modified: the client has it, by a tag in `If-None-Match` */
             304: {
                 headers: {
+                    /** @description The revision */
+                    etag?: string;
                     [name: string]: unknown;
                 };
                 content?: never;
@@ -29486,9 +29506,11 @@ export interface operations {
                     "application/json": components["schemas"]["Marginals"];
                 };
             };
-            /** @description Not modified: the client has the newest belief */
+            /** @description Not modified: the client has it, by a tag in `If-None-Match` */
             304: {
                 headers: {
+                    /** @description The revision */
+                    etag?: string;
                     [name: string]: unknown;
                 };
                 content?: never;
