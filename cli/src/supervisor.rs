@@ -10,6 +10,10 @@ use std::time::Duration;
 /// example on a busy machine, is repeated in time.
 const ASKED_WITHIN: u32 = 3;
 
+/// Number of the signal of a file that grows over its limit (Linux, macOS and the BSDs).
+#[cfg(unix)]
+const SIGXFSZ: i32 = 25;
+
 /// A message to systemd.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Notice {
@@ -93,16 +97,42 @@ fn reachable(listening: SocketAddr) -> SocketAddr {
     SocketAddr::new(ip, listening.port())
 }
 
-/// Waits for Ctrl-C, or SIGTERM where it exists.
+/// Waits for a signal that usually ends a process: Ctrl-C, SIGTERM, SIGQUIT, or SIGHUP (its terminal
+/// was closed) unless it was started to survive that. From then on SIGXFSZ does not end it: a write
+/// over the limit on file sizes (`ulimit -f`) is an error like one on a full disk.
 #[cfg(unix)]
 pub(crate) async fn until_told_to_stop() -> anyhow::Result<()> {
     use tokio::signal::unix::{SignalKind, signal};
+    let _ignored = signal(SignalKind::from_raw(SIGXFSZ))?;
     let mut terminate = signal(SignalKind::terminate())?;
+    let mut quit = signal(SignalKind::quit())?;
+    let mut hang_up = match survives_hang_up() {
+        true => None,
+        false => Some(signal(SignalKind::hangup())?),
+    };
+    let hung_up = async {
+        match &mut hang_up {
+            Some(hang_up) => hang_up.recv().await,
+            None => std::future::pending().await,
+        }
+    };
     tokio::select! {
         interrupted = tokio::signal::ctrl_c() => interrupted?,
         _ = terminate.recv() => {}
+        _ = quit.recv() => {}
+        _ = hung_up => {}
     }
     Ok(())
+}
+
+/// Whether SIGHUP is ignored from the start, as by `nohup`; `false` where the system does not say.
+#[cfg(unix)]
+fn survives_hang_up() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    // Bit 0 is signal 1.
+    let mask = ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    mask.is_some_and(|mask| mask & 1 == 1)
 }
 
 /// Waits for Ctrl-C.

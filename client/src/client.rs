@@ -1,9 +1,10 @@
 //! The client of a server: address, options, and the path of every call.
 
 use std::fmt;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use backon::Retryable;
+use palpate_schemas::retry_after::retry_after;
 use palpate_schemas::{Liveness, Problem, Readiness, Version};
 use reqwest::{Response, Url};
 use serde::de::DeserializeOwned;
@@ -264,11 +265,9 @@ async fn accepted(url: &Url, answer: Response) -> Result<Response, Error> {
     if status.is_success() {
         return Ok(answer);
     }
-    let header = answer.headers().get("retry-after");
-    let retry_after = header
-        .and_then(|value| value.to_str().ok())
-        .and_then(|value| value.trim().parse().ok())
-        .map(Duration::from_secs);
+    let text = |name| answer.headers().get(name).and_then(|value| value.to_str().ok());
+    let retry_after =
+        text("retry-after").and_then(|asked| retry_after(asked, text("date"), SystemTime::now()));
     let body = answer.bytes().await.map_err(|error| transport_error(url, error))?;
     if let Ok(problem) = serde_json::from_slice::<Problem>(&body) {
         return Err(Error::Problem { problem: Box::new(problem), retry_after });

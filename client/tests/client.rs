@@ -108,6 +108,25 @@ async fn a_busy_server_is_asked_again_when_it_says() {
 }
 
 #[tokio::test]
+async fn a_busy_server_may_say_when_by_a_date() {
+    let (client, count) = serve(|n| match n {
+        0 => {
+            let dates = [
+                ("date", "Fri, 27 Nov 2026 20:42:00 GMT"),
+                ("retry-after", "Fri, 27 Nov 2026 20:42:01 GMT"),
+            ];
+            (StatusCode::SERVICE_UNAVAILABLE, dates, "busy").into_response()
+        }
+        _ => OBJECT.into_response(),
+    })
+    .await;
+    let begun = Instant::now();
+    assert_eq!(client.object("mug").await.unwrap().name, "mug");
+    assert_eq!(count.load(Ordering::SeqCst), 2);
+    assert!(begun.elapsed() >= Duration::from_secs(1), "Retry-After was not honoured");
+}
+
+#[tokio::test]
 async fn what_a_query_asks_for_reaches_the_server() {
     let (asked, mut heard) = tokio::sync::mpsc::unbounded_channel();
     let handler = move |uri: Uri| {

@@ -10,9 +10,11 @@ import time
 import urllib.error
 import urllib.parse
 import urllib.request
+from email.utils import parsedate_to_datetime
 
 ATTEMPTS = 3
 RETRY_AFTER_S = 1.0
+WAIT_S_MAX = 10.0  # a longer wait is the caller's decision
 
 
 class Refused(Exception):
@@ -88,14 +90,26 @@ class Palpate:
                 with urllib.request.urlopen(request, timeout=self.timeout) as answer:
                     return answer.read()
             except urllib.error.HTTPError as error:
-                problem, wait = json.loads(error.read()), error.headers.get("retry-after")
-                if wait is None or attempt == ATTEMPTS:
+                problem, wait = json.loads(error.read()), seconds_to_wait(error.headers)
+                if wait is None or wait > WAIT_S_MAX or attempt == ATTEMPTS:
                     raise Refused(problem) from None
             except OSError:  # no answer: it may be stored, so the same again
                 if attempt == ATTEMPTS:
                     raise
                 wait = RETRY_AFTER_S
-            time.sleep(float(wait))
+            time.sleep(wait)
+
+
+def seconds_to_wait(headers):
+    """Returns the wait by `Retry-After`, seconds or a date; None without a readable one."""
+    asked = (headers.get("retry-after") or "").strip()
+    if asked.isascii() and asked.isdigit():
+        return float(asked)
+    try:
+        until, sent = (parsedate_to_datetime(text) for text in (asked, headers.get("date") or ""))
+        return max(0.0, (until - sent).total_seconds())
+    except (TypeError, ValueError):  # not dates, or one of them without a time zone
+        return None
 
 
 def stl_box(stl):

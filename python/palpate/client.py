@@ -304,8 +304,8 @@ def _accepted(answer: httpx.Response) -> bytes:
 
 
 def _refused(answer: httpx.Response, body: bytes) -> PalpateError:
-    retry_after = answer.headers.get("retry-after")
-    return of_answer(str(answer.url), answer.status_code, retry_after, body)
+    retry_after, date = answer.headers.get("retry-after"), answer.headers.get("date")
+    return of_answer(str(answer.url), answer.status_code, retry_after, date, body)
 
 
 def _transport_error(url: str, error: httpx.TransportError) -> PalpateError:

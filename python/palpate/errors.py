@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from datetime import datetime, timezone
+from email.utils import parsedate_to_datetime
 from typing import Any
 
 BODY_SHOWN_MAX = 200
@@ -125,9 +127,34 @@ BY_STATUS: dict[int, type[ProblemError]] = {
 }
 
 
-def of_answer(url: str, status: int, retry_after: str | None, body: bytes) -> StatusError:
+def seconds_to_wait(retry_after: str | None, date: str | None) -> float | None:
+    """The wait by a `Retry-After` header: seconds, or a date, which counts from the header `Date`.
+
+    A machine's own clock counts if there is no `Date`. None without a readable header.
+    """
+    text = (retry_after or "").strip()
+    if text.isascii() and text.isdigit():
+        return float(text)
+    until = _http_date(text)
+    if until is None:
+        return None
+    sent = _http_date(date or "") or datetime.now(timezone.utc)
+    return max(0.0, (until - sent).total_seconds())
+
+
+def _http_date(text: str) -> datetime | None:
+    try:
+        date = parsedate_to_datetime(text)
+    except ValueError:
+        return None
+    return date if date.tzinfo else date.replace(tzinfo=timezone.utc)
+
+
+def of_answer(
+    url: str, status: int, retry_after: str | None, date: str | None, body: bytes
+) -> StatusError:
     """The error of a refusal."""
-    wait = float(retry_after) if retry_after and retry_after.strip().isdigit() else None
+    wait = seconds_to_wait(retry_after, date)
     try:
         problem = json.loads(body)
     except ValueError:

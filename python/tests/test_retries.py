@@ -14,6 +14,7 @@ import pytest
 
 import palpate
 from palpate import AsyncClient, Client, RetryPolicy
+from palpate.errors import seconds_to_wait
 from palpate.steps import get, post
 from palpate.touch_session import Stamps
 
@@ -129,6 +130,26 @@ def test_a_wish_that_is_too_long_fails_at_once(script: Script) -> None:
     with Client(script.address, retry=FAST) as client, pytest.raises(palpate.BusyError) as busy:
         client.job("j")
     assert busy.value.retry_after == 60 and len(script.heard) == 1
+
+
+@pytest.mark.parametrize(
+    ("asked", "seconds"),
+    [
+        ("30", 30),
+        ("Fri, 27 Nov 2026 20:42:30 GMT", 30),
+        ("Friday, 27-Nov-26 20:42:30 GMT", 30),
+        ("Fri Nov 27 20:42:30 2026", 30),
+        ("Thu, 26 Nov 2026 20:42:30 GMT", 0),
+        ("soon", None),
+        ("-1", None),
+        ("1.5", None),
+        ("²", None),
+        ("", None),
+        (None, None),
+    ],
+)
+def test_a_wish_is_seconds_or_a_date(asked: str | None, seconds: float | None) -> None:
+    assert seconds_to_wait(asked, "Fri, 27 Nov 2026 20:42:00 GMT") == seconds
 
 
 def test_attempts_end(script: Script) -> None:

@@ -19,6 +19,7 @@ pub mod pose;
 pub mod next_touch;
 pub mod interest;
 pub mod problem;
+pub mod retry_after;
 pub mod reading;
 pub mod camera;
 pub mod geometry;

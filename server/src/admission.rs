@@ -41,9 +41,10 @@ impl Admission {
         }
     }
 
-    /// Reserves one event stream for the lifetime of the holding.
-    pub(crate) fn stream(&self, client: Option<Client>) -> Result<Holding, LoadError> {
-        self.streams.take(client, 1).map_err(|over| match over {
+    /// Reserves an event stream of `n` sessions or jobs for the lifetime of the holding. Every event
+    /// is written for every follower, so each of them counts.
+    pub(crate) fn stream(&self, client: Option<Client>, n: usize) -> Result<Holding, LoadError> {
+        self.streams.take(client, n).map_err(|over| match over {
             Over::Total => LoadError::StreamsFull { open: self.streams.total() },
             Over::Share => share("streams", "streams", &self.streams),
         })

@@ -1,10 +1,8 @@
 //! The dashboard's files, built from `web/` and embedded: nothing is read from disk or loaded
 //! from elsewhere. `web/build` rebuilds them.
 
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
-
-use crate::etag;
 
 /// A file of the dashboard.
 struct Asset {
@@ -42,33 +40,23 @@ pub(crate) fn has(path: &str) -> bool {
     paths().any(|known| known == path)
 }
 
-/// The answer with a file; 304 when `If-None-Match` names its tag.
-pub(crate) fn answer(path: &str, headers: &HeaderMap) -> Response {
+/// The answer with a file.
+pub(crate) fn answer(path: &str) -> Response {
     let Some(asset) = ASSETS.iter().find(|asset| asset.path == path) else {
         return StatusCode::NOT_FOUND.into_response();
     };
-    tagged(asset.content_type, asset.bytes, headers)
+    tagged(asset.content_type, asset.bytes)
 }
 
-/// The answer with a document that is constant while the server runs; 304 when
-/// `If-None-Match` names its tag.
-pub(crate) fn tagged(
-    content_type: &'static str,
-    bytes: &'static [u8],
-    headers: &HeaderMap,
-) -> Response {
+/// The answer with a document that is constant while the server runs, with its tag.
+pub(crate) fn tagged(content_type: &'static str, bytes: &'static [u8]) -> Response {
     let tag = format!("\"{}\"", &blake3::hash(bytes).to_hex()[..32]);
-    let mut response = if etag::is_known(headers, &tag) {
-        StatusCode::NOT_MODIFIED.into_response()
-    } else {
-        ([(header::CONTENT_TYPE, content_type)], bytes).into_response()
-    };
-    let headers = response.headers_mut();
-    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-cache"));
-    if let Ok(tag) = HeaderValue::from_str(&tag) {
-        headers.insert(header::ETAG, tag);
-    }
-    response
+    let headers = [
+        (header::CONTENT_TYPE, content_type),
+        (header::CACHE_CONTROL, "no-cache"),
+        (header::ETAG, tag.as_str()),
+    ];
+    (headers, bytes).into_response()
 }
 
 #[cfg(test)]

@@ -1,10 +1,9 @@
-//! Connections: accepts them, limits them in total and per address, and serves HTTP/1.1.
+//! Connections: accepts them, limits them in total, and serves HTTP/1.1.
 //!
 //! A connection has a deadline for its TLS handshake, for the headers of a request, for
-//! idling between requests, and for an answer that is not read (`pace`). When the total or an
-//! address's share is reached, new connections go into a small reserve: health checks are
-//! answered there, other requests are refused, and the oldest of the reserve is closed for
-//! the next one. A stop lets requests under way finish.
+//! idling between requests, and for an answer that is not read (`pace`). When the total is reached,
+//! connections on which no key was shown are closed for new ones (`bounds`). A stop lets requests
+//! under way finish.
 
 mod bounds;
 mod connection;
@@ -47,12 +46,12 @@ const HEADER_BYTES: usize = 32 << 10;
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 
 /// The peer of a connection.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Peer {
     /// Its address.
     pub(crate) address: SocketAddr,
-    /// Whether the connection was taken into the reserve, which answers health checks alone.
-    pub(crate) is_reserve: bool,
+    /// The connection's place among all.
+    pub(crate) place: Arc<Place>,
 }
 
 /// Time limits of a connection's steps.
@@ -124,9 +123,9 @@ impl Door {
             };
             // Answers are small: waiting to fill a packet costs 40 ms each.
             let _ = stream.set_nodelay(true);
-            let place = self.connections.place(address.ip());
+            let peer = Peer { address, place: self.connections.place(address.ip()) };
             let tls = self.tls.as_ref().map(|tls| Arc::clone(&tls.borrow()));
-            under_way.spawn(attend(stream, address, place, tls, desk.clone()));
+            under_way.spawn(attend(stream, peer, tls, desk.clone()));
         }
         drop(self.listener);
         while under_way.join_next().await.is_some() {}
@@ -148,15 +147,9 @@ async fn refuse(error: &io::Error) {
     }
 }
 
-/// Serves one connection until it ends or is evicted from the reserve.
-async fn attend(
-    stream: TcpStream,
-    address: SocketAddr,
-    mut place: Place,
-    tls: Option<Arc<ServerConfig>>,
-    desk: Desk,
-) {
-    let peer = Peer { address, is_reserve: place.is_reserve() };
+/// Serves one connection until it ends or gives way to a newer one.
+async fn attend(stream: TcpStream, peer: Peer, tls: Option<Arc<ServerConfig>>, desk: Desk) {
+    let place = Arc::clone(&peer.place);
     let serving = async {
         let connection = match tls {
             None => Connection::Plain(stream),
@@ -178,7 +171,7 @@ async fn attend(
     };
     tokio::select! {
         () = serving => {}
-        () = place.evicted() => tracing::debug!("Closed the oldest connection of the reserve"),
+        () = place.evicted() => tracing::debug!("Closed a connection for a newer one"),
     }
 }
 
@@ -188,8 +181,8 @@ async fn serve(connection: Connection, peer: Peer, desk: Desk) {
     let pace = Pace::new(patience);
     let io = TokioIo::new(Paced::new(connection, Arc::clone(&pace)));
     let service = service_fn(move |mut request: Request<Incoming>| {
-        request.extensions_mut().insert(ConnectInfo(peer));
-        let request_under_way = pace.request();
+        request.extensions_mut().insert(ConnectInfo(peer.clone()));
+        let request_under_way = pace.request(&request);
         let pace = Arc::clone(&pace);
         let body = |body| Body::new(Asked::new(body, Arc::clone(&pace)));
         let answering = router.clone().call(request.map(body));
@@ -203,11 +196,7 @@ async fn serve(connection: Connection, peer: Peer, desk: Desk) {
     });
     let mut builder = http1::Builder::new();
     // Hyper's own deadline covers idling as well; the one for headers alone is in `pace`.
-    builder
-        .timer(TokioTimer::new())
-        .header_read_timeout(patience.idle)
-        .max_buf_size(HEADER_BYTES)
-        .keep_alive(!peer.is_reserve);
+    builder.timer(TokioTimer::new()).header_read_timeout(patience.idle).max_buf_size(HEADER_BYTES);
     let connection = builder.serve_connection(io, service);
     let mut connection = std::pin::pin!(connection);
     let ended = tokio::select! {

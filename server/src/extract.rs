@@ -13,7 +13,7 @@ use axum::body::{Bytes, HttpBody};
 use axum::extract::rejection::QueryRejection;
 use axum::extract::{FromRequest, FromRequestParts, Path, Query, Request};
 use axum::http::request::Parts;
-use axum::http::{HeaderMap, HeaderName, header};
+use axum::http::{HeaderMap, header};
 use palpate_schemas::FieldError;
 use serde::Deserializer;
 use serde::de::{DeserializeOwned, DeserializeSeed as _};
@@ -24,6 +24,7 @@ use utoipa::ToSchema;
 use crate::admission::Room;
 use crate::app::App;
 use crate::cause::Cause;
+use crate::etag::Tags;
 use crate::refusal::{Refusal, RequestError};
 pub(crate) use msgpack::parse as parse_msgpack;
 
@@ -136,23 +137,21 @@ impl<T: DeserializeOwned + Send> FromRequestParts<App> for Segments<T> {
     }
 }
 
-/// The revision in a request's `If-Match`, as written by our `ETag`s.
+/// The revision that a request's `If-Match` expects: the present one if it is listed.
 ///
 /// # Errors
-/// [`RequestError::RevisionMissing`] without the header, [`Cause::Invalid`] when it is not one of our
+/// [`RequestError::RevisionMissing`] without the header, [`Cause::Invalid`] when it has none of our
 /// tags.
-pub(crate) fn if_match(headers: &HeaderMap) -> Result<u64, Refusal> {
-    let value = headers.get(header::IF_MATCH).ok_or(RequestError::RevisionMissing)?;
-    revision(headers, &header::IF_MATCH).ok_or_else(|| {
+pub(crate) fn if_match(headers: &HeaderMap, present: u64) -> Result<u64, Refusal> {
+    let tags = Tags::of(headers, &header::IF_MATCH).ok_or(RequestError::RevisionMissing)?;
+    if tags.has(&present.to_string()) {
+        return Ok(present);
+    }
+    tags.revisions().next().ok_or_else(|| {
+        let value = headers.get(header::IF_MATCH);
         let detail = format!("came {value:?}, expected the `ETag` of what is changed");
         Cause::field("header:if-match", detail).into()
     })
-}
-
-/// The revision in a header, if valid; for headers that may be ignored.
-pub(crate) fn revision(headers: &HeaderMap, name: &HeaderName) -> Option<u64> {
-    let text = headers.get(name)?.to_str().ok()?;
-    text.trim().trim_start_matches("W/").trim_matches('"').parse().ok()
 }
 
 /// Parses JSON; the error names an invalid value by a JSON pointer.

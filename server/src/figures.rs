@@ -4,6 +4,8 @@
 //! increased, so that an alert would miss the first failure. Not here: metrics with another source
 //! of a first value (`app`), and metrics whose labels are not known in advance (`storage`).
 
+pub(crate) mod help;
+
 use palpate_store::engine::EngineStats;
 use palpate_store::engine::content::FailedFetches;
 
@@ -28,7 +30,7 @@ const PLAIN: [&str; 8] = [
     "palpate_beliefs_resumed_total",
     "palpate_blocks_read_total",
     "palpate_blocks_unanswered_total",
-    "palpate_connections_refused_total",
+    "palpate_connections_displaced_total",
     "palpate_readings_folded_total",
     "palpate_readings_total",
     "palpate_snapshots_total",
@@ -48,6 +50,7 @@ const SPECIAL: [&str; 8] = [
 
 /// Registers the metrics at 0, and the version and start of this process.
 pub(crate) fn register() {
+    help::describe();
     for name in PLAIN {
         metrics::counter!(name).increment(0);
     }

@@ -4,6 +4,7 @@
 pub(crate) mod telemetry;
 
 pub(crate) mod headers;
+pub(crate) mod once;
 
 pub(crate) mod query;
 

@@ -75,6 +75,9 @@ pub fn document() -> OpenApi {
         operations(item).for_each(|(method, operation)| {
             add_roles(operation);
             add_location(operation);
+            if method == "GET" {
+                add_unchanged(operation);
+            }
             add_problems(operation, method != "GET");
             events::describe_stream(operation);
             examples::add(path, operation);
@@ -167,6 +170,17 @@ fn add_location(operation: &mut Operation) {
             response.headers.insert("location".to_owned(), location.into());
         }
     }
+}
+
+/// Adds the answer to a client that has what it asks for, where answers have an `ETag`.
+fn add_unchanged(operation: &mut Operation) {
+    let responses = &mut operation.responses.responses;
+    let Some(RefOr::T(given)) = responses.get("200") else { return };
+    let Some(etag) = given.headers.get("etag").cloned() else { return };
+    let mut unchanged =
+        Response::new("Not modified: the client has it, by a tag in `If-None-Match`");
+    unchanged.headers.insert("etag".to_owned(), etag);
+    responses.insert("304".to_owned(), unchanged.into());
 }
 
 fn add_problems(operation: &mut Operation, writes: bool) {

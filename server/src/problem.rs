@@ -152,6 +152,12 @@ fn request(error: &RequestError) -> Answer {
             Answer { errors: errors.clone(), ..ProblemType::MalformedRequest.into() }
         }
         RequestError::Unreadable { .. } => ProblemType::MalformedRequest.into(),
+        RequestError::Repeated { name, .. } => {
+            Answer::at(ProblemType::MalformedRequest, &format!("header:{name}"), error)
+        }
+        RequestError::Host { .. } => {
+            Answer::at(ProblemType::MalformedRequest, "header:host", error)
+        }
         RequestError::BodyTooLarge { .. } | RequestError::BodyTooHeavy { .. } => {
             ProblemType::BodyTooLarge.into()
         }
@@ -179,7 +185,6 @@ fn load(error: &LoadError) -> Answer {
         LoadError::StreamsFull { open } => overloaded("streams", "streams", *open),
         LoadError::BodiesFull { max, .. } => overloaded("bodies", "content-bytes", *max),
         LoadError::AnswersFull { max, .. } => overloaded("answers", "content-bytes", *max),
-        LoadError::ConnectionsFull { open } => overloaded("connections", "connections", *open),
         LoadError::ShareFull(error) => share(error),
         LoadError::TooSlow { .. } => ProblemType::Overloaded.into(),
     }

@@ -3,6 +3,7 @@
 
 use std::time::Duration;
 
+use axum::http::HeaderName;
 use palpate_schemas::{FieldError, Readiness, Role};
 use palpate_store::access::AccessKey;
 use thiserror::Error;
@@ -78,6 +79,10 @@ pub(crate) enum AccessError {
 pub(crate) enum RequestError {
     #[error("the body is not {format}: {reason}")]
     Malformed { format: &'static str, reason: String, errors: Vec<FieldError> },
+    #[error("the header `{name}` came {found} times, expected once")]
+    Repeated { name: HeaderName, found: usize },
+    #[error("the header `Host` is {found:?}, expected one host with or without a port")]
+    Host { found: String },
     #[error("the request's path or body cannot be read: {reason}")]
     Unreadable { reason: String },
     #[error("the body is longer than {max} bytes")]
@@ -117,8 +122,6 @@ pub(crate) enum LoadError {
     BodiesFull { used: usize, max: usize },
     #[error("unread answers take {used} of {max} bytes: this one does not fit")]
     AnswersFull { used: usize, max: usize },
-    #[error("{open} connections are open, which is the maximum: only health checks are answered")]
-    ConnectionsFull { open: usize },
     #[error("{open} event streams are open, which is the maximum")]
     StreamsFull { open: usize },
     #[error("{under_way} requests are in progress, which is the maximum")]

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use axum::Router;
-use axum::http::{HeaderMap, Uri};
+use axum::http::Uri;
 use axum::middleware::{from_fn, from_fn_with_state};
 use axum::response::Response;
 use axum::routing::get;
@@ -17,9 +17,10 @@ use crate::middleware::admission::admit;
 use crate::middleware::audit::record;
 use crate::middleware::guard::guard;
 use crate::middleware::headers::{cors, secure};
+use crate::middleware::once;
 use crate::middleware::rate::share;
 use crate::middleware::{query, telemetry};
-use crate::{dashboard, openapi, problem, routes};
+use crate::{dashboard, etag, openapi, problem, routes};
 
 /// Length from which an answer is compressed, bytes. Chosen: a shorter one fits into one packet.
 const COMPRESSED_MIN: u16 = 1400;
@@ -31,6 +32,7 @@ pub(crate) fn router(app: App) -> Router {
     let guarded = api
         .merge(pages())
         .layer(from_fn_with_state(without, query::heed))
+        .layer(from_fn(etag::condition))
         .layer(CatchPanicLayer::custom(problem::panicked))
         .layer(from_fn_with_state(app.clone(), record))
         .layer(from_fn_with_state(app.clone(), admit))
@@ -42,6 +44,7 @@ pub(crate) fn router(app: App) -> Router {
         None => guarded,
     };
     shared
+        .layer(from_fn(once::check))
         .layer(compressed())
         .layer(from_fn_with_state(app.clone(), secure))
         .layer(from_fn(telemetry::observe))
@@ -68,10 +71,10 @@ fn docs() -> Router<App> {
     use axum::http::StatusCode;
     use axum::response::{IntoResponse, Redirect};
 
-    async fn named(name: Option<Path<String>>, headers: HeaderMap) -> Response {
+    async fn named(name: Option<Path<String>>) -> Response {
         let name = name.map_or_else(String::new, |Path(name)| name);
         match openapi::reader::file(&name) {
-            Some((content_type, bytes)) => dashboard::tagged(content_type, bytes, &headers),
+            Some((content_type, bytes)) => dashboard::tagged(content_type, bytes),
             None => StatusCode::NOT_FOUND.into_response(),
         }
     }
@@ -84,19 +87,19 @@ fn docs() -> Router<App> {
 /// The API's documentation: a plain list of operations.
 #[cfg(not(feature = "swagger"))]
 fn docs() -> Router<App> {
-    async fn listing(headers: HeaderMap) -> Response {
+    async fn listing() -> Response {
         let page = openapi::listing::page().as_bytes();
-        dashboard::tagged("text/html; charset=utf-8", page, &headers)
+        dashboard::tagged("text/html; charset=utf-8", page)
     }
     ["/docs", "/docs/"]
         .into_iter()
         .fold(Router::new(), |pages, path| pages.route(path, get(listing)))
 }
 
-async fn file(uri: Uri, headers: HeaderMap) -> Response {
-    dashboard::answer(uri.path(), &headers)
+async fn file(uri: Uri) -> Response {
+    dashboard::answer(uri.path())
 }
 
-async fn description(headers: HeaderMap) -> Response {
-    dashboard::tagged("application/json", openapi::text().as_bytes(), &headers)
+async fn description() -> Response {
+    dashboard::tagged("application/json", openapi::text().as_bytes())
 }

@@ -42,6 +42,13 @@ impl Serving {
         Self::start_as(Command::new(palpate()), data, arguments)
     }
 
+    /// Like `start`, after a line of shell, which limits the process or ignores signals.
+    pub(crate) fn start_after(data: &Path, line: &str) -> Self {
+        let mut shell = Command::new("sh");
+        shell.args(["-c", &format!("{line} && exec \"$0\" \"$@\"")]).arg(palpate());
+        Self::start_as(shell, data, &[])
+    }
+
     /// Like `start`, with this much virtual memory, KiB.
     pub(crate) fn start_within(data: &Path, arguments: &[&str], memory_kib: u64) -> Self {
         let mut shell = Command::new("sh");
@@ -82,8 +89,18 @@ impl Serving {
 
     /// Stops it as a supervisor does; returns its exit status and its log.
     pub(crate) fn stop(&mut self) -> (ExitStatus, String) {
-        let asked = Command::new("kill").args(["-TERM", &self.child.id().to_string()]).status();
+        self.signal("TERM");
+        self.ended()
+    }
+
+    /// Sends a signal.
+    pub(crate) fn signal(&self, name: &str) {
+        let asked = Command::new("kill").args(["-s", name, &self.child.id().to_string()]).status();
         assert!(asked.unwrap().success());
+    }
+
+    /// Waits for its end; returns its exit status and its log.
+    pub(crate) fn ended(&mut self) -> (ExitStatus, String) {
         let ended = self.child.wait().unwrap();
         (ended, self.log.take().unwrap().join().unwrap())
     }

@@ -14,4 +14,5 @@ mod serving;
 #[cfg(feature = "otlp")]
 mod spans;
 mod story;
+mod stranger;
 mod torture;

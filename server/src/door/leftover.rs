@@ -37,6 +37,9 @@ impl Body for Asked {
     ) -> Poll<Option<Result<Frame<Bytes>, hyper::Error>>> {
         let polled = Pin::new(&mut self.body).poll_frame(context);
         self.has_ended |= matches!(polled, Poll::Ready(None));
+        if self.has_ended || self.body.is_end_stream() {
+            self.pace.arrived();
+        }
         polled
     }
 

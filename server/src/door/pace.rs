@@ -1,20 +1,40 @@
 //! Deadlines of a connection: for unfinished headers and for unread answers.
 //!
+//! A client may close its direction after a request and wait for the answer (RFC 9112, section
+//! 9.5). The end of its bytes looks the same when it has gone, so it is passed on only when the
+//! answer is complete, or when writing to the client fails: before an answer begins, an interim
+//! one (100) is written, and a client that has gone resets the connection.
+//!
 //! The state of a connection is known on two sides: bytes pass through [`Paced`], requests
 //! and answers through [`Pace::request`] and [`Served`]. Both share one [`Pace`].
 
 use std::io;
 use std::pin::Pin;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll, ready};
+use std::time::Duration;
 
 use axum::body::{Body, Bytes, HttpBody};
-use hyper::body::{Frame, SizeHint};
+use hyper::body::{Frame, Incoming, SizeHint};
+use hyper::{Request, Version};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::time::{Instant, Sleep, sleep_until};
 
 use super::Patience;
+
+/// An answer that clients skip (RFC 9110, section 15.2).
+const INTERIM: &[u8] = b"HTTP/1.1 100 Continue\r\n\r\n";
+
+/// Time of interim answers after a client has closed its direction, and then every [`QUIET`].
+/// Chosen: most answers come before the first. One that has gone is noticed at the second, within
+/// the second in which a core must be free again.
+const INTERIM_AFTER: [Duration; 3] =
+    [Duration::from_millis(300), Duration::from_millis(400), Duration::from_millis(500)];
+
+/// Pause of an answer, in which nothing is written, after which a client that has closed its
+/// direction counts as gone.
+const QUIET: Duration = Duration::from_secs(2);
 
 /// Number of bytes of an unread body that are discarded at a time.
 const LEFTOVER_BLOCK: usize = 8 << 10;
@@ -26,8 +46,10 @@ enum Phase {
     Headers(Instant),
     /// The first byte of a request.
     Idle,
-    /// The server's answer.
-    Request,
+    /// The rest of a request's body.
+    Body,
+    /// The server's answer; `interim` says whether an interim one may come before it.
+    Answer { interim: bool },
 }
 
 /// The pace of one connection.
@@ -35,6 +57,8 @@ enum Phase {
 pub(super) struct Pace {
     patience: Patience,
     phase: Mutex<Phase>,
+    /// Whether interim answers are possible: not in HTTP/1.0.
+    is_modern: AtomicBool,
     /// Whether a request's body was not read to its end.
     is_unread: AtomicBool,
 }
@@ -46,13 +70,26 @@ pub(super) struct RequestUnderWay(Arc<Pace>);
 impl Pace {
     pub(super) fn new(patience: Patience) -> Arc<Self> {
         let phase = Phase::Headers(Instant::now() + patience.headers);
-        Arc::new(Self { patience, phase: Mutex::new(phase), is_unread: AtomicBool::new(false) })
+        let [is_modern, is_unread] = [true, false].map(AtomicBool::new);
+        Arc::new(Self { patience, phase: Mutex::new(phase), is_modern, is_unread })
     }
 
     /// Registers complete headers of a request.
-    pub(super) fn request(self: &Arc<Self>) -> RequestUnderWay {
-        self.enter(Phase::Request);
+    pub(super) fn request(self: &Arc<Self>, request: &Request<Incoming>) -> RequestUnderWay {
+        self.is_modern.store(request.version() >= Version::HTTP_11, Ordering::Relaxed);
+        self.enter(Phase::Body);
+        if request.body().is_end_stream() {
+            self.arrived();
+        }
         RequestUnderWay(Arc::clone(self))
+    }
+
+    /// Registers the end of a request's body.
+    pub(super) fn arrived(&self) {
+        let mut phase = self.phase();
+        if *phase == Phase::Body {
+            *phase = Phase::Answer { interim: self.is_modern.load(Ordering::Relaxed) };
+        }
     }
 
     /// Registers an answer before the end of the request's body.
@@ -67,21 +104,33 @@ impl Pace {
 
     /// Registers incoming bytes.
     fn hear(&self) {
-        let mut phase = self.phase.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut phase = self.phase();
         if *phase == Phase::Idle {
             *phase = Phase::Headers(Instant::now() + self.patience.headers);
         }
     }
 
+    /// Registers bytes of an answer.
+    fn answer(&self) {
+        let mut phase = self.phase();
+        if matches!(*phase, Phase::Answer { .. }) {
+            *phase = Phase::Answer { interim: false };
+        }
+    }
+
     fn enter(&self, phase: Phase) {
-        *self.phase.lock().unwrap_or_else(PoisonError::into_inner) = phase;
+        *self.phase() = phase;
+    }
+
+    fn phase(&self) -> MutexGuard<'_, Phase> {
+        self.phase.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Deadline of arriving headers.
     fn deadline(&self) -> Option<Instant> {
-        match *self.phase.lock().unwrap_or_else(PoisonError::into_inner) {
+        match *self.phase() {
             Phase::Headers(until) => Some(until),
-            Phase::Idle | Phase::Request => None,
+            Phase::Idle | Phase::Body | Phase::Answer { .. } => None,
         }
     }
 }
@@ -119,12 +168,38 @@ pub(super) struct Paced<T> {
     /// Time until which the rest of an unread body may arrive after the writing side is closed.
     leftover_until: Option<Instant>,
     leftover: Alarm,
+    /// Time at which the client closed its direction, and number of interim answers since.
+    half_closed: Option<(Instant, usize)>,
+    /// Time of the last written byte.
+    written: Instant,
+    awaited: Alarm,
 }
 
 impl<T> Paced<T> {
     pub(super) fn new(inner: T, pace: Arc<Pace>) -> Self {
-        let [headers, stalled, leftover] = std::array::from_fn(|_| Alarm::default());
-        Self { inner, pace, headers, stalled_until: None, stalled, leftover_until: None, leftover }
+        let [headers, stalled, leftover, awaited] = std::array::from_fn(|_| Alarm::default());
+        let (stalled_until, leftover_until, half_closed) = (None, None, None);
+        let written = Instant::now();
+        Self {
+            inner,
+            pace,
+            headers,
+            stalled_until,
+            stalled,
+            leftover_until,
+            leftover,
+            half_closed,
+            written,
+            awaited,
+        }
+    }
+
+    /// Registers bytes of an answer.
+    fn sent(&mut self, written: &Poll<io::Result<usize>>) {
+        if matches!(written, Poll::Ready(Ok(_))) {
+            self.written = Instant::now();
+            self.pace.answer();
+        }
     }
 
     /// Ends a write that makes no progress.
@@ -149,7 +224,40 @@ impl<T> Paced<T> {
     }
 }
 
-impl<T: AsyncRead + Unpin> AsyncRead for Paced<T> {
+impl<T: AsyncWrite + Unpin> Paced<T> {
+    /// Whether a client that has closed its direction is still to get an answer.
+    fn is_awaited(&mut self, context: &mut Context<'_>) -> bool {
+        if self.stalled_until.is_some() {
+            return true;
+        }
+        let now = Instant::now();
+        let (since, n) = *self.half_closed.get_or_insert((now, 0));
+        match *self.pace.phase() {
+            Phase::Answer { interim: true } => {}
+            Phase::Answer { interim: false } => {
+                return !self.awaited.poll(since.max(self.written) + QUIET, context);
+            }
+            _ => return false,
+        }
+        let due = INTERIM_AFTER.get(n).map_or(self.written + QUIET, |after| since + *after);
+        if !self.awaited.poll(due, context) {
+            return true;
+        }
+        match Pin::new(&mut self.inner).poll_write(context, INTERIM) {
+            // The client has gone. A part of an interim answer cannot be taken back.
+            Poll::Ready(Err(_)) => return false,
+            Poll::Ready(Ok(length)) if length < INTERIM.len() => return false,
+            Poll::Ready(Ok(_)) | Poll::Pending => {}
+        }
+        (self.half_closed, self.written) = (Some((since, n + 1)), now);
+        let due = INTERIM_AFTER.get(n + 1).map_or(now + QUIET, |after| since + *after);
+        // Registers the next one.
+        let _ = self.awaited.poll(due.max(now + Duration::from_millis(1)), context);
+        true
+    }
+}
+
+impl<T: AsyncRead + AsyncWrite + Unpin> AsyncRead for Paced<T> {
     fn poll_read(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
@@ -158,8 +266,11 @@ impl<T: AsyncRead + Unpin> AsyncRead for Paced<T> {
         let before = buffer.filled().len();
         let this = &mut *self;
         let read = Pin::new(&mut this.inner).poll_read(context, buffer);
+        let is_end = matches!(read, Poll::Ready(Ok(()))) && buffer.filled().len() == before;
         if buffer.filled().len() > before {
             this.pace.hear();
+        } else if is_end && this.is_awaited(context) {
+            return Poll::Pending;
         }
         // Slowly arriving bytes do not extend the deadline.
         let Some(until) = this.pace.deadline() else { return read };
@@ -180,6 +291,7 @@ impl<T: AsyncRead + AsyncWrite + Unpin> AsyncWrite for Paced<T> {
         bytes: &[u8],
     ) -> Poll<io::Result<usize>> {
         let written = Pin::new(&mut self.inner).poll_write(context, bytes);
+        self.sent(&written);
         self.wrote(written, context)
     }
 
@@ -189,6 +301,7 @@ impl<T: AsyncRead + AsyncWrite + Unpin> AsyncWrite for Paced<T> {
         slices: &[io::IoSlice<'_>],
     ) -> Poll<io::Result<usize>> {
         let written = Pin::new(&mut self.inner).poll_write_vectored(context, slices);
+        self.sent(&written);
         self.wrote(written, context)
     }
 

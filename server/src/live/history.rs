@@ -79,22 +79,13 @@ struct Comparison {
 }
 
 impl Live {
-    /// The belief after the first `at` entries of the session's journal; `None` when that
-    /// revision is known.
-    pub(crate) async fn belief_at(
-        &self,
-        poses: usize,
-        at: u64,
-        known_revision: Option<u64>,
-    ) -> Result<Option<wire::Belief>, LiveError> {
+    /// The belief after the first `at` entries of the session's journal.
+    pub(crate) async fn belief_at(&self, poses: usize, at: u64) -> Result<wire::Belief, LiveError> {
         self.revision("?at", Some(at))?;
-        if known_revision == Some(at) {
-            return Ok(None);
-        }
         let place = self.tools.pool.place()?;
         // Does not wait for a fold in progress.
         let start = self.turns.try_take().and_then(|state| state.memory.start(at));
-        Ok(Some(self.past(place, at, poses, start).await?))
+        self.past(place, at, poses, start).await
     }
 
     /// The steps after `after` up to `upto`, and the belief after the last of them.
@@ -159,7 +150,7 @@ impl Live {
     }
 
     /// The revision asked for, or else the newest. Refuses a future one.
-    fn revision(&self, field: &str, asked: Option<u64>) -> Result<u64, LiveError> {
+    pub(crate) fn revision(&self, field: &str, asked: Option<u64>) -> Result<u64, LiveError> {
         let newest = self.status(now_ms())?.length;
         let revision = asked.unwrap_or(newest);
         if revision <= newest {

@@ -29,32 +29,26 @@ use crate::wire::{geometry, sensor};
 const RECALLED_MAX: u64 = 512;
 
 impl Live {
-    /// The present belief; `None` when its revision is known.
-    pub(crate) async fn belief(
-        &self,
-        poses: usize,
-        known_revision: Option<u64>,
-    ) -> Result<Option<wire::Belief>, LiveError> {
-        let present = self.present(known_revision, answer(poses)).await?;
-        Ok(present.map(|(revision, answer)| self.shown(revision, &answer)))
+    /// The present belief.
+    pub(crate) async fn belief(&self, poses: usize) -> Result<wire::Belief, LiveError> {
+        let (revision, answer) = self.present(answer(poses)).await?;
+        Ok(self.shown(revision, &answer))
     }
 
     /// The distribution of each coordinate of an object's pose (the likeliest object's if
-    /// none is named); `None` when the revision is known.
+    /// none is named).
     pub(crate) async fn marginals(
         &self,
         object: Option<&str>,
-        known_revision: Option<u64>,
-    ) -> Result<Option<wire::Marginals>, LiveError> {
+    ) -> Result<wire::Marginals, LiveError> {
         let (session, object) =
             (self.session.id, object.map(|reference| self.object(reference)).transpose()?);
         let ask = move |fold: &Fold| fold.belief.marginals(object);
-        let present = self.present(known_revision, ask).await?;
-        let Some((revision, found)) = present else { return Ok(None) };
+        let (revision, found) = self.present(ask).await?;
         let ObjectMarginals { object, probability, marginals } =
             found.ok_or(LiveError::NoMarginals { session })?;
         let object = &self.model.objects[object.0 as usize];
-        Ok(Some(geometry::marginals(session, revision, object, probability, &marginals)))
+        Ok(geometry::marginals(session, revision, object, probability, &marginals))
     }
 
     /// The best next touches. `begun` is the time of the request, from which its deadline counts.
@@ -155,12 +149,10 @@ impl Live {
             entry.map_or_else(now_ms, |entry| entry.received_at_ms)
         };
         if self.tools.traces.revision(id) > 0 || length > RECALLED_MAX {
-            if let Some(belief) = self.belief(0, None).await? {
-                let at_ms = at_ms(belief.revision);
-                self.tools.traces.note(id, [Point::of(&belief, at_ms)]);
-                self.announce(&belief, at_ms).await?;
-            }
-            return Ok(());
+            let belief = self.belief(0).await?;
+            let at_ms = at_ms(belief.revision);
+            self.tools.traces.note(id, [Point::of(&belief, at_ms)]);
+            return self.announce(&belief, at_ms).await;
         }
         let mut after = from;
         loop {
@@ -187,28 +179,22 @@ impl Live {
 
     /// Queues the webhook event of a belief without poses; forms the poses first if there is one.
     async fn announce(&self, belief: &wire::Belief, at_ms: u64) -> Result<(), LiveError> {
-        if self.tools.notices.is_news(belief)
-            && let Some(whole) = self.belief(POSES, None).await?
-        {
-            self.tools.notices.belief(&whole, at_ms);
+        if self.tools.notices.is_news(belief) {
+            self.tools.notices.belief(&self.belief(POSES).await?, at_ms);
         }
         Ok(())
     }
 
-    /// A question's answer by the present belief, and its revision; `None` when that is known.
+    /// A question's answer by the present belief, and its revision.
     async fn present<T: Send + 'static>(
         &self,
-        known_revision: Option<u64>,
         question: impl FnOnce(&Fold) -> T + Send + 'static,
-    ) -> Result<Option<(u64, T)>, LiveError> {
+    ) -> Result<(u64, T), LiveError> {
         let mut state = self.turns.take().await?;
         let length = self.length()?;
-        if known_revision == Some(length) {
-            return Ok(None);
-        }
         let place = self.tools.pool.place()?;
         let (folding, place) = (self.folding(Vec::new()), (place, Urgency::Reading));
-        Ok(Some((length, self.ask(&mut state, folding, place, length, question).await?)))
+        Ok((length, self.ask(&mut state, folding, place, length, question).await?))
     }
 
     fn object(&self, reference: &str) -> Result<ObjectIdx, LiveError> {

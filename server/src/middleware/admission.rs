@@ -6,13 +6,12 @@
 mod arrival;
 mod departure;
 
-use axum::extract::{ConnectInfo, Request, State};
+use axum::extract::{Request, State};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
 use crate::app::App;
 use crate::asker;
-use crate::door::Peer;
 use crate::middleware::caller;
 use crate::refusal::{LoadError, Refusal};
 
@@ -29,15 +28,10 @@ pub(crate) async fn admit(State(app): State<App>, request: Request, next: Next) 
     }
     let admitted = async {
         let client = caller::client(&request);
-        let peer = request.extensions().get::<ConnectInfo<Peer>>();
-        if peer.is_some_and(|ConnectInfo(peer)| peer.is_reserve) {
-            let open = app.admission.connections().used();
-            return Err(Refusal::from(LoadError::ConnectionsFull { open }));
-        }
         let (mut request, body) = arrival::receive(&app, request, client).await?;
         request.extensions_mut().insert(client);
         let slot = app.admission.request(client)?;
-        Ok((request, body, slot, client))
+        Ok::<_, Refusal>((request, body, slot, client))
     };
     let (request, body, slot, client) = match admitted.await {
         Ok(admitted) => admitted,

@@ -8,7 +8,6 @@
 use std::net::IpAddr;
 
 use axum::extract::{ConnectInfo, MatchedPath, Request, State};
-use axum::http::uri::Authority;
 use axum::http::{StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
@@ -19,6 +18,7 @@ use crate::client::Client;
 use crate::dashboard;
 use crate::door::Peer;
 use crate::middleware::caller::Caller;
+use crate::middleware::once::Host;
 use crate::middleware::telemetry::REQUEST_ID;
 use crate::refusal::{AccessError, Refusal};
 use crate::roles::{Asked, Effect, Rule, Who};
@@ -42,6 +42,7 @@ pub(crate) async fn guard(State(app): State<App>, mut request: Request, next: Ne
                 }
                 _ => None,
             };
+            keep_connection(&app, &request, &caller);
             request.extensions_mut().insert(caller);
             let response = next.run(request).await;
             if let Some(attempt) = touched.filter(|_| response.status() == StatusCode::FORBIDDEN) {
@@ -66,6 +67,16 @@ pub(crate) async fn guard(State(app): State<App>, mut request: Request, next: Ne
             }
             response
         }
+    }
+}
+
+/// Keeps the connection of a client that showed a key, or that needs none here.
+fn keep_connection(app: &App, request: &Request, caller: &Caller) {
+    let Some(ConnectInfo(peer)) = request.extensions().get::<ConnectInfo<Peer>>() else { return };
+    match &caller.key {
+        Some(key) => peer.place.admit(Client::Key(key.id)),
+        None if !app.keys.required() => peer.place.admit(Client::at(peer.address.ip())),
+        None => {}
     }
 }
 
@@ -115,21 +126,20 @@ fn is_page(path: &str) -> bool {
 fn at_home(app: &App, request: &Request) -> Result<(), AccessError> {
     let config = &app.config;
     let headers = request.headers();
-    let text = |name| headers.get(name).and_then(|value: &header::HeaderValue| value.to_str().ok());
-    // In HTTP/2 it is in the target.
-    let target = request.uri().authority().map(Authority::as_str);
-    let host = text(header::HOST).or(target).unwrap_or_default();
+    let host = request.extensions().get::<Host>().map_or("", |Host(host)| host.as_str());
     let is_own = is_loopback(host)
         || !config.listen.ip().is_loopback() && is_in_network(host, &config.host_names);
     if !host.is_empty() && !is_own {
         return Err(AccessError::ForeignHost { host: host.to_owned() });
     }
-    let Some(origin) = text(header::ORIGIN) else { return Ok(()) };
-    let own = origin.split_once("://").is_some_and(|(_, authority)| authority == host);
-    if own || config.cors_origins.iter().any(|allowed| allowed == origin) {
+    let Some(origin) = headers.get(header::ORIGIN) else { return Ok(()) };
+    let origin = String::from_utf8_lossy(origin.as_bytes());
+    let scheme = if config.tls.is_some() { "https" } else { "http" };
+    let is_own = !host.is_empty() && origin.eq_ignore_ascii_case(&format!("{scheme}://{host}"));
+    if is_own || config.cors_origins.iter().any(|allowed| *allowed == origin) {
         return Ok(());
     }
-    Err(AccessError::ForeignOrigin { origin: origin.to_owned() })
+    Err(AccessError::ForeignOrigin { origin: origin.into_owned() })
 }
 
 /// Whether a `Host` header names this machine.

@@ -67,8 +67,16 @@ pub(crate) fn cors(origins: &[String]) -> Option<CorsLayer> {
         last_event_id,
         REQUEST_ID,
     ];
-    let read =
-        [header::ETAG, header::LOCATION, header::RETRY_AFTER, header::WWW_AUTHENTICATE, REQUEST_ID];
+    let read = [
+        header::ALLOW,
+        header::ETAG,
+        header::LOCATION,
+        header::RETRY_AFTER,
+        header::WWW_AUTHENTICATE,
+        HeaderName::from_static("ratelimit"),
+        HeaderName::from_static("ratelimit-policy"),
+        REQUEST_ID,
+    ];
     (!origins.is_empty()).then(|| {
         CorsLayer::new()
             .allow_origin(origins)

@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use axum::extract::{MatchedPath, Request};
-use axum::http::{HeaderName, HeaderValue};
+use axum::http::{HeaderName, HeaderValue, Method};
 use axum::middleware::Next;
 use axum::response::Response;
 use metrics_exporter_prometheus::{Matcher, PrometheusBuilder, PrometheusHandle};
@@ -25,6 +25,9 @@ pub(crate) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id"
 
 /// Maximum length of a request id chosen by a client.
 const REQUEST_ID_BYTES_MAX: usize = 64;
+
+/// Maximum length of a path in spans, in characters.
+const PATH_CHARS_MAX: usize = 512;
 
 /// Interval at which measured times are sorted into buckets.
 const TIDY_EVERY: Duration = Duration::from_secs(5);
@@ -62,12 +65,13 @@ pub(crate) async fn observe(mut request: Request, next: Next) -> Response {
     let header = HeaderValue::from_str(&id).expect("request ids are visible ASCII");
     request.headers_mut().insert(REQUEST_ID, header.clone());
     let path = redacted(request.uri().path()).into_owned();
-    let method = request.method().clone();
+    let method = known(request.method());
     let matched = request.extensions().get::<MatchedPath>();
     let route = matched.map_or("(none)", MatchedPath::as_str).to_owned();
+    let shown: String = path.chars().take(PATH_CHARS_MAX).collect();
     let span = tracing::info_span!(
         "request", otel.kind = "server", otel.name = format!("{method} {route}"),
-        otel.status_code = tracing::field::Empty, request_id = %id, %method, path, route,
+        otel.status_code = tracing::field::Empty, request_id = %id, method, path = shown, route,
         status = tracing::field::Empty,
     );
     #[cfg(feature = "otlp")]
@@ -83,10 +87,17 @@ pub(crate) async fn observe(mut request: Request, next: Next) -> Response {
     }
     let elapsed = start.elapsed().as_secs_f64();
     span.in_scope(|| tracing::debug!(status, elapsed_s = elapsed, "Answered {status}"));
-    let labels = [("method", method.to_string()), ("route", route), ("status", status.to_string())];
+    let labels = [("method", method.to_owned()), ("route", route), ("status", status.to_string())];
     metrics::counter!("palpate_http_requests_total", &labels).increment(1);
     metrics::histogram!("palpate_http_request_seconds", &labels[..2]).record(elapsed);
     response
+}
+
+/// A method for labels and spans, from a closed set: callers may invent methods, and a metric
+/// keeps every value of a label for ever.
+fn known(method: &Method) -> &'static str {
+    const KNOWN: [&str; 7] = ["GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"];
+    KNOWN.into_iter().find(|known| *known == method.as_str()).unwrap_or("(other)")
 }
 
 /// Makes the span a part of the caller's trace (W3C trace context), where the headers name one.

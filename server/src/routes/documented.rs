@@ -26,11 +26,6 @@ pub(crate) struct Ended(#[expect(dead_code, reason = "the type only documents")]
 #[response(status = 204, description = "Deleted")]
 pub(crate) struct Deleted;
 
-/// The answer to a client that has the newest belief.
-#[derive(IntoResponses)]
-#[response(status = 304, description = "Not modified: the client has the newest belief")]
-pub(crate) struct Unchanged;
-
 /// A mesh file.
 #[derive(ToSchema)]
 #[schema(value_type = String, format = Binary)]

@@ -7,17 +7,18 @@ use std::convert::Infallible;
 use std::time::Duration;
 
 use axum::extract::{Extension, State};
-use axum::http::{HeaderMap, HeaderName};
+use axum::http::HeaderMap;
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use futures::stream::{self, BoxStream, StreamExt, select_all};
-use palpate_schemas::{Belief, EventsQuery, Job, SessionEvent};
+use palpate_schemas::{EventsQuery, Job, SessionEvent};
 use tokio::sync::broadcast::Receiver;
 use tokio_stream::wrappers::{BroadcastStream, WatchStream};
 
 use crate::app::App;
+use crate::budget::Holding;
 use crate::client::Client;
-use crate::extract::{Params, Segments, revision};
+use crate::extract::{Params, Segments};
 use crate::middleware::caller::Caller;
 use crate::refusal::Refusal;
 use crate::services::sessions::is_last;
@@ -40,16 +41,18 @@ pub(crate) async fn job_events(
     Extension(client): Extension<Option<Client>>,
     Segments(job): Segments,
 ) -> Result<Response, Refusal> {
+    let place = app.admission.stream(client, 1)?;
     let jobs = WatchStream::new(app.jobs.follow(&job)?);
     let events = until(jobs.boxed(), |job: &Job| job.state.is_final());
     let events = events.map(|job| Event::default().event("job").json_data(&job));
-    sse(&app, (caller, client), events.filter_map(async |event| event.ok()).boxed())
+    Ok(sse(&app, caller, place, events.filter_map(async |event| event.ok()).boxed()))
 }
 
 /// Follow a session
 ///
 /// Streams server-sent events named `belief`, `closed` and `deleted`, each with a `SessionEvent` as
-/// data. The first event is the current belief, unless `Last-Event-ID` names its revision.
+/// data. The first event is the current belief, unless `Last-Event-ID` names its revision. If the
+/// session has ended, `closed` follows and the stream ends.
 #[utoipa::path(get, path = "/v1/sessions/{session}/events", operation_id = "session_events",
     tag = "sessions", params(("session" = Uuid, Path, description = "The session's id")),
     responses((status = 200, description = "Server-sent events", body = String,
@@ -61,17 +64,18 @@ pub(crate) async fn session_events(
     Segments(session): Segments,
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
-    let known = revision(&headers, &HeaderName::from_static("last-event-id"));
+    let known = headers.get("last-event-id").and_then(|id| id.to_str().ok()?.trim().parse().ok());
     let id = app.sessions.parse(&session)?;
+    let place = app.admission.stream(client, 1)?;
     let (now, events) = app.sessions.follow(id, known).await?;
-    let events = until(session_stream(now, events), is_last);
-    sse(&app, (caller, client), events.filter_map(async |event| session_event(&event)).boxed())
+    let events = session_stream(now, events);
+    Ok(sse(&app, caller, place, events.filter_map(async |event| session_event(&event)).boxed()))
 }
 
 /// Follow several sessions
 ///
-/// Streams the events of up to 100 sessions as one stream. The stream continues when one of the
-/// sessions closes.
+/// Streams the events of up to 100 sessions as one stream, which ends with the last of them. It
+/// counts as one stream for each session.
 #[utoipa::path(get, path = "/v1/events", operation_id = "events", tag = "sessions",
     params(EventsQuery),
     responses((status = 200, description = "Server-sent events", body = String,
@@ -82,27 +86,25 @@ pub(crate) async fn events(
     Extension(client): Extension<Option<Client>>,
     Params(query): Params<EventsQuery>,
 ) -> Result<Response, Refusal> {
+    let ids = session_ids(&query)?;
+    let place = app.admission.stream(client, ids.len())?;
     let mut all = Vec::new();
-    for id in session_ids(&query)? {
+    for id in ids {
         let (now, events) = app.sessions.follow(id, None).await?;
         all.push(session_stream(now, events));
     }
-    sse(
-        &app,
-        (caller, client),
-        select_all(all).filter_map(async |event| session_event(&event)).boxed(),
-    )
+    let events = select_all(all).filter_map(async |event| session_event(&event)).boxed();
+    Ok(sse(&app, caller, place, events))
 }
 
-/// The current state, then every change. A subscriber that lags misses events that newer ones
-/// replace.
+/// The current state, then every change, up to the session's end. A subscriber that lags misses
+/// events that newer ones replace.
 fn session_stream(
-    now: Option<Belief>,
+    now: Vec<SessionEvent>,
     events: Receiver<SessionEvent>,
 ) -> BoxStream<'static, SessionEvent> {
-    let now = stream::iter(now.map(|belief| SessionEvent::Belief { belief }));
     let events = BroadcastStream::new(events).filter_map(async |event| event.ok());
-    now.chain(events).boxed()
+    until(stream::iter(now).chain(events).boxed(), is_last)
 }
 
 fn session_event(event: &SessionEvent) -> Option<Event> {
@@ -130,17 +132,12 @@ fn until<T: Send + 'static>(
     rest.boxed()
 }
 
-/// The response that carries a stream. It counts towards the limit on streams while it is open.
-fn sse(
-    app: &App,
-    (caller, client): (Caller, Option<Client>),
-    events: BoxStream<'static, Event>,
-) -> Result<Response, Refusal> {
-    let permit = app.admission.stream(client)?;
+/// The response that carries a stream. It holds its place among streams while it is open.
+fn sse(app: &App, caller: Caller, place: Holding, events: BoxStream<'static, Event>) -> Response {
     let ended = caller.until_ended(app);
     let events = events.take_until(Box::pin(ended)).map(move |event| {
-        let _held_while_open = &permit;
+        let _held_while_open = &place;
         Ok::<Event, Infallible>(event)
     });
-    Ok(Sse::new(events).keep_alive(KeepAlive::new().interval(KEEP_ALIVE)).into_response())
+    Sse::new(events).keep_alive(KeepAlive::new().interval(KEEP_ALIVE)).into_response()
 }

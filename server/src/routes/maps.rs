@@ -3,14 +3,13 @@
 
 use axum::Json;
 use axum::extract::State;
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use palpate_schemas::{
     CatalogueVersion, InterestMap, MergeMaps, OccupancyMap, PlyQuery, SliceQuery,
 };
 
 use crate::app::App;
-use crate::etag;
 use crate::extract::{JsonBody, Params, Segments};
 use crate::refusal::Refusal;
 use crate::routes::documented::{Conflict, MapFile};
@@ -51,16 +50,15 @@ pub(crate) async fn get_interest(
         SliceQuery),
     responses((status = 200, description = "The map", body = OccupancyMap,
             headers(("etag" = String, description = "The version's tag"))),
-        (status = 304, description = "Not modified: the client has it"), Conflict))]
+        Conflict))]
 pub(crate) async fn get_occupancy(
     State(app): State<App>,
     Segments((name, version, object)): Segments<(String, String, String)>,
     Params(query): Params<SliceQuery>,
-    headers: HeaderMap,
 ) -> Result<Response, Refusal> {
     let mapped = app.catalogues.mapped(&name, &version, &object).await?;
     let map = mapped.occupancy(query.slice)?;
-    Ok(immutable(&headers, &mapped.tag(), Json(map)))
+    Ok(immutable(mapped.tag(), Json(map)))
 }
 
 /// Get an object's contact map as an image
@@ -76,17 +74,16 @@ pub(crate) async fn get_occupancy(
         SliceQuery),
     responses((status = 200, description = "The image", body = MapFile, content_type = "image/png",
             headers(("etag" = String, description = "The version's tag"))),
-        (status = 304, description = "Not modified: the client has it"), Conflict))]
+        Conflict))]
 pub(crate) async fn get_occupancy_png(
     State(app): State<App>,
     Segments((name, version, object)): Segments<(String, String, String)>,
     Params(query): Params<SliceQuery>,
-    headers: HeaderMap,
 ) -> Result<Response, Refusal> {
     let mapped = app.catalogues.mapped(&name, &version, &object).await?;
     let tag = mapped.tag();
     let png = mapped.png(&app.pool, query.slice).await?;
-    Ok(immutable(&headers, &tag, ([(header::CONTENT_TYPE, "image/png")], png)))
+    Ok(immutable(tag, ([(header::CONTENT_TYPE, "image/png")], png)))
 }
 
 /// Get an object's contact map as a PLY file
@@ -102,17 +99,16 @@ pub(crate) async fn get_occupancy_png(
         PlyQuery),
     responses((status = 200, description = "The file", body = MapFile, content_type = "model/ply",
             headers(("etag" = String, description = "The version's tag"))),
-        (status = 304, description = "Not modified: the client has it"), Conflict))]
+        Conflict))]
 pub(crate) async fn get_occupancy_ply(
     State(app): State<App>,
     Segments((name, version, object)): Segments<(String, String, String)>,
     Params(query): Params<PlyQuery>,
-    headers: HeaderMap,
 ) -> Result<Response, Refusal> {
     let mapped = app.catalogues.mapped(&name, &version, &object).await?;
     let tag = mapped.tag();
     let ply = mapped.ply(&app.pool, query.form.unwrap_or_default()).await?;
-    Ok(immutable(&headers, &tag, ([(header::CONTENT_TYPE, "model/ply")], ply)))
+    Ok(immutable(tag, ([(header::CONTENT_TYPE, "model/ply")], ply)))
 }
 
 /// Merge the contact maps of two versions
@@ -135,11 +131,8 @@ pub(crate) async fn merge_maps(
     Ok(super::created(format!("/v1/catalogues/{name}/versions/{}", merged.version), merged))
 }
 
-/// An answer that never changes, or 304 if the client already has it.
-fn immutable(headers: &HeaderMap, tag: &str, content: impl IntoResponse) -> Response {
-    let lasting = [(header::ETAG, tag.to_owned()), (header::CACHE_CONTROL, IMMUTABLE.to_owned())];
-    if etag::is_known(headers, tag) {
-        return (StatusCode::NOT_MODIFIED, lasting).into_response();
-    }
+/// An answer that never changes.
+fn immutable(tag: String, content: impl IntoResponse) -> Response {
+    let lasting = [(header::ETAG, tag), (header::CACHE_CONTROL, IMMUTABLE.to_owned())];
     (lasting, content).into_response()
 }

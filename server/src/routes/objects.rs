@@ -2,7 +2,7 @@
 
 use axum::Json;
 use axum::extract::State;
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use palpate_schemas::{
     AddTrainingReadings, CreateObject, LabelledQuery, MeshQuery, MeshReport, ObjectInfo,
@@ -10,11 +10,10 @@ use palpate_schemas::{
 };
 
 use crate::app::App;
-use crate::etag;
 use crate::extract::{JsonBody, MeshBody, Params, ReadingsBody, Segments};
 use crate::refusal::Refusal;
 use crate::routes::blocks;
-use crate::routes::documented::{Conflict, Deleted, MeshFile, Unchanged};
+use crate::routes::documented::{Conflict, Deleted, MeshFile};
 
 /// List the objects
 ///
@@ -114,20 +113,13 @@ pub(crate) async fn get_mesh(
     params(("object" = String, Path, description = "The object's id or name")),
     responses((status = 200, description = "The picture", body = MeshFile,
             content_type = "image/png",
-            headers(("etag" = String, description = "The mesh's tag"))),
-        Unchanged))]
+            headers(("etag" = String, description = "The mesh's tag")))))]
 pub(crate) async fn get_thumbnail(
     State(app): State<App>,
     Segments(object): Segments,
-    headers: HeaderMap,
 ) -> Result<Response, Refusal> {
     let (tag, png) = app.objects.thumbnail(&object).await?;
-    let is_known = etag::is_known(&headers, &tag);
-    let etag = [(header::ETAG, tag)];
-    if is_known {
-        return Ok((StatusCode::NOT_MODIFIED, etag).into_response());
-    }
-    Ok((etag, [(header::CONTENT_TYPE, "image/png")], png).into_response())
+    Ok(([(header::ETAG, tag)], [(header::CONTENT_TYPE, "image/png")], png).into_response())
 }
 
 /// Upload an object's mesh

@@ -12,9 +12,10 @@ use palpate_schemas::{
 use serde::Serialize;
 
 use crate::app::App;
-use crate::extract::{JsonBody, OptionalBody, Params, ReadingsBody, Segments, revision};
+use crate::etag;
+use crate::extract::{JsonBody, OptionalBody, Params, ReadingsBody, Segments};
 use crate::refusal::Refusal;
-use crate::routes::documented::{Conflict, Deleted, Ended, Unchanged};
+use crate::routes::documented::{Conflict, Deleted, Ended};
 
 /// List the sessions
 ///
@@ -144,17 +145,14 @@ pub(crate) async fn add_readings(
     tag = "sessions",
     params(("session" = Uuid, Path, description = "The session's id"), BeliefQuery),
     responses((status = 200, description = "The belief", body = Belief,
-            headers(("etag" = String, description = "The revision"))),
-        Unchanged))]
+            headers(("etag" = String, description = "The revision")))))]
 pub(crate) async fn get_belief(
     State(app): State<App>,
     Segments(session): Segments,
     Params(query): Params<BeliefQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
-    let known = revision(&headers, &header::IF_NONE_MATCH);
-    let belief = app.sessions.belief(&session, query, known).await?;
-    Ok(conditional(belief.map(|belief| (belief.revision, belief))))
+    Ok(conditional(app.sessions.belief(&session, query, &etag::known(&headers)).await?))
 }
 
 /// Get the marginals of a session's pose
@@ -168,7 +166,6 @@ pub(crate) async fn get_belief(
     params(("session" = Uuid, Path, description = "The session's id"), MarginalsQuery),
     responses((status = 200, description = "The marginals", body = Marginals,
             headers(("etag" = String, description = "The revision"))),
-        Unchanged,
         Conflict))]
 pub(crate) async fn get_marginals(
     State(app): State<App>,
@@ -176,18 +173,16 @@ pub(crate) async fn get_marginals(
     Params(query): Params<MarginalsQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
-    let known = revision(&headers, &header::IF_NONE_MATCH);
-    let marginals = app.sessions.marginals(&session, query, known).await?;
-    Ok(conditional(marginals.map(|marginals| (marginals.revision, marginals))))
+    Ok(conditional(app.sessions.marginals(&session, query, &etag::known(&headers)).await?))
 }
 
 /// An answer with its revision as `ETag`, or 304 if the client has it.
-fn conditional<T: Serialize>(answer: Option<(u32, T)>) -> Response {
-    let Some((revision, answer)) = answer else {
-        return StatusCode::NOT_MODIFIED.into_response();
-    };
+fn conditional<T: Serialize>((revision, answer): (u64, Option<T>)) -> Response {
     let etag = [(header::ETAG, format!("\"{revision}\""))];
-    (etag, Json(answer)).into_response()
+    match answer {
+        Some(answer) => (etag, Json(answer)).into_response(),
+        None => (StatusCode::NOT_MODIFIED, etag).into_response(),
+    }
 }
 
 /// Rank the next touches

@@ -255,7 +255,7 @@ pub(crate) async fn set_current(
     headers: HeaderMap,
     JsonBody(request): JsonBody<SetCurrent>,
 ) -> Result<Response, Refusal> {
-    let revision = if_match(&headers)?;
+    let revision = if_match(&headers, app.catalogues.find(&name)?.revision)?;
     let catalogue = app.catalogues.switch(&name, request.version, revision).await?;
     current(wire::training::catalogue(&catalogue))
 }

@@ -21,6 +21,7 @@ use crate::asker::Asker;
 use crate::cause::Cause;
 use crate::client::Client;
 use crate::clock::pause;
+use crate::figures::help::help;
 use crate::limits::megabytes;
 use crate::services::keys::Keys;
 
@@ -97,7 +98,7 @@ impl Storage {
     /// removed things.
     pub(crate) fn figures(&self) -> String {
         let Ok(stats) = self.store.stats() else { return String::new() };
-        let mut text = format!("# TYPE {KEY_BYTES} gauge\n");
+        let mut text = header(KEY_BYTES);
         for StorageHolder { key, bytes } in self.holders().into_iter().take(FIGURES) {
             let (id, name) = key.map_or_else(Default::default, |key| {
                 (key.key_id.to_string(), key.key_name.unwrap_or_default())
@@ -105,7 +106,7 @@ impl Storage {
             let labels = format!("key_id=\"{id}\",key=\"{}\"", label(&name));
             text.push_str(&format!("{KEY_BYTES}{{{labels}}} {bytes}\n"));
         }
-        text.push_str(&format!("# TYPE {LARGEST_BYTES} gauge\n"));
+        text.push_str(&header(LARGEST_BYTES));
         for thing in self.largest(&stats) {
             let labels = format!("kind=\"{}\",name=\"{}\"", name(thing.kind), label(&thing.name));
             text.push_str(&format!("{LARGEST_BYTES}{{{labels}}} {}\n", thing.bytes));
@@ -190,6 +191,11 @@ impl Storage {
         };
         Ok(name.map(|name| StoredThing { kind, name, id: Some(id), bytes }))
     }
+}
+
+/// The lines before the values of a gauge.
+fn header(metric: &str) -> String {
+    format!("# HELP {metric} {}\n# TYPE {metric} gauge\n", help(metric))
 }
 
 /// A label's value, escaped.

@@ -90,8 +90,11 @@ async fn without_keys_requests_of_other_sites_are_refused() {
     })
     .await;
     let own = it.server.address();
+    let [other_scheme, secure] = ["file", "https"].map(|scheme| own.replace("http", scheme));
     for (name, value, status) in [
         ("origin", own.as_str(), 200),
+        ("origin", other_scheme.as_str(), 403),
+        ("origin", secure.as_str(), 403),
         ("origin", "http://localhost:3000", 200),
         ("origin", "https://evil.example", 403),
         ("origin", "null", 403),

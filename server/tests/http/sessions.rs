@@ -1,5 +1,7 @@
 //! Tests of sessions: beliefs sharpen, retries count once, restarts lose nothing.
 
+use std::time::Duration;
+
 use futures::future::join_all;
 use glam::{DQuat, DVec3};
 use palpate_core::pose::Pose;
@@ -206,6 +208,8 @@ async fn events_contain_beliefs_and_the_end() {
     let follow = async |path: String| it.client.get(it.url(&path)).send().await.unwrap();
     let one = follow(format!("/v1/sessions/{session}/events")).await;
     let mut both = follow(format!("/v1/events?sessions={session},{other}")).await;
+    let open = it.session(json!({})).await;
+    let mut still = follow(format!("/v1/sessions/{open}/events")).await;
     assert_eq!(one.headers()["content-type"], "text/event-stream");
     let readings = json!({"readings": [quiet_reading()]});
     let path = format!("/v1/sessions/{session}/readings?belief=none");
@@ -221,10 +225,73 @@ async fn events_contain_beliefs_and_the_end() {
         seen += std::str::from_utf8(&both.chunk().await.unwrap().unwrap()).unwrap();
     }
     assert!(seen.contains("event: closed"));
+    // Both have ended, and so does their stream.
+    while both.chunk().await.unwrap().is_some() {}
     let missing = it.get("/v1/events?sessions=").await;
     missing.problem(422, "invalid-value", Some("?sessions"));
     it.server.shutdown().await;
-    while both.chunk().await.unwrap().is_some() {}
+    while still.chunk().await.unwrap().is_some() {}
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stream_after_the_end_tells_it_and_ends() {
+    let it = Harness::trained().await;
+    let (closed, expired) = (it.session(json!({})).await, it.session(json!({"ttl_s": 1})).await);
+    let readings = json!({"readings": [quiet_reading()]});
+    for session in [&closed, &expired] {
+        it.post(&format!("/v1/sessions/{session}/readings"), &readings).await.expect(200);
+    }
+    it.post(&format!("/v1/sessions/{closed}/close"), &json!({})).await.expect(200);
+    while it.get(&format!("/v1/sessions/{expired}")).await.expect(200)["state"] == "open" {
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    }
+    let names = async |path: &str, last: &str| -> Vec<String> {
+        let request = it.client.get(it.url(path)).header("last-event-id", last);
+        let text = request.send().await.unwrap().text().await.unwrap();
+        let names = text.lines().filter_map(|line| line.strip_prefix("event: "));
+        names.map(str::to_owned).collect()
+    };
+    for session in [&closed, &expired] {
+        let path = format!("/v1/sessions/{session}/events");
+        for (last, expected) in [
+            ("", &["belief", "closed"][..]),
+            ("0", &["belief", "closed"]),
+            ("1", &["closed"]),
+            ("77", &["belief", "closed"]),
+            ("x", &["belief", "closed"]),
+        ] {
+            assert_eq!(names(&path, last).await, expected, "after {last:?}");
+        }
+    }
+    let both = format!("/v1/events?sessions={closed},{expired}");
+    assert_eq!(names(&both, "").await.iter().filter(|name| *name == "closed").count(), 2);
+    it.send(Method::DELETE, &format!("/v1/sessions/{closed}"), None).await.expect(204);
+    it.get(&format!("/v1/sessions/{closed}/events")).await.problem(404, "not-found", None);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stream_counts_once_for_each_session() {
+    let it = Harness::trained_with(|config| config.streams_max = 8).await;
+    let mut ids = Vec::new();
+    for _ in 0..9 {
+        ids.push(it.session(json!({})).await);
+    }
+    let follow = async |n: usize| {
+        let path = format!("/v1/events?sessions={}", ids[..n].join(","));
+        it.client.get(it.url(&path)).send().await.unwrap()
+    };
+    assert_eq!(follow(9).await.status(), 503);
+    let open = follow(5).await;
+    assert_eq!(open.status(), 200);
+    assert_eq!(follow(5).await.status(), 503);
+    assert_eq!(follow(3).await.status(), 429, "more than this client's share");
+    drop(open);
+    let again = async {
+        while follow(8).await.status() != 200 {
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    };
+    tokio::time::timeout(Duration::from_secs(60), again).await.expect("the places are free again");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -41,6 +41,11 @@ async fn health_documentation_and_metrics_are_served() {
     }
     let figures = it.get("/metrics").await.text;
     assert!(figures.contains("palpate_http_requests_total"), "{figures}");
+    for typed in figures.lines().filter_map(|line| line.strip_prefix("# TYPE ")) {
+        let name = typed.split(' ').next().unwrap();
+        let help = format!("# HELP {name} ");
+        assert!(figures.lines().any(|line| line.len() > help.len() && line.starts_with(&help)));
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -112,18 +112,3 @@ async fn small_mistakes_get_a_hint() {
     let ended = it.post(&cancel, &json!({})).await.problem(409, "wrong-state", None);
     assert!(ended["detail"].as_str().unwrap().ends_with("already ended: succeeded"), "{ended}");
 }
-
-#[tokio::test(flavor = "multi_thread")]
-async fn the_description_is_sent_only_when_changed() {
-    let it = Harness::start().await;
-    let first = it.get("/openapi.json").await;
-    first.expect(200);
-    let tag = first.headers["etag"].to_str().unwrap();
-    for (known, status) in [(tag.to_owned(), 304), (format!("W/{tag}"), 304), ("\"x\"".into(), 200)]
-    {
-        let request = it.client.get(it.url("/openapi.json")).header("if-none-match", known);
-        let again = read(request.send().await.unwrap()).await;
-        assert_eq!(again.status, status);
-        assert_eq!(again.text.is_empty(), status == 304);
-    }
-}

@@ -590,8 +590,8 @@ export interface paths {
         };
         /**
          * Follow several sessions
-         * @description Streams the events of up to 100 sessions as one stream. The stream continues when one of the
-         *     sessions closes.
+         * @description Streams the events of up to 100 sessions as one stream, which ends with the last of them. It
+         *     counts as one stream for each session.
          */
         get: operations["events"];
         put?: never;
@@ -1421,7 +1421,8 @@ export interface paths {
         /**
          * Follow a session
          * @description Streams server-sent events named `belief`, `closed` and `deleted`, each with a `SessionEvent` as
-         *     data. The first event is the current belief, unless `Last-Event-ID` names its revision.
+         *     data. The first event is the current belief, unless `Last-Event-ID` names its revision. If the
+         *     session has ended, `closed` follows and the stream ends.
          */
         get: operations["session_events"];
         put?: never;
@@ -9121,6 +9122,15 @@ export interface operations {
                     "application/json": components["schemas"]["CurrentVersion"];
                 };
             };
+            /** @description Not modified: the client has it, by a tag in `If-None-Match` */
+            304: {
+                headers: {
+                    /** @description The revision */
+                    etag?: string;
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
             /** @description The API key is missing or not valid */
             401: {
                 headers: {
@@ -12645,9 +12655,11 @@ export interface operations {
                     "application/json": components["schemas"]["OccupancyMap"];
                 };
             };
-            /** @description Not modified: the client has it */
+            /** @description Not modified: the client has it, by a tag in `If-None-Match` */
             304: {
                 headers: {
+                    /** @description The version's tag */
+                    etag?: string;
                     [name: string]: unknown;
                 };
                 content?: never;
@@ -12870,9 +12882,11 @@ export interface operations {
                     "model/ply": components["schemas"]["MapFile"];
                 };
             };
-            /** @description Not modified: the client has it */
+            /** @description Not modified: the client has it, by a tag in `If-None-Match` */
             304: {
                 headers: {
+                    /** @description The version's tag */
+                    etag?: string;
                     [name: string]: unknown;
                 };
                 content?: never;
@@ -13095,9 +13109,11 @@ export interface operations {
                     "image/png": components["schemas"]["MapFile"];
                 };
             };
-            /** @description Not modified: the client has it */
+            /** @description Not modified: the client has it, by a tag in `If-None-Match` */
             304: {
                 headers: {
+                    /** @description The version's tag */
+                    etag?: string;
                     [name: string]: unknown;
                 };
                 content?: never;
@@ -20633,9 +20649,11 @@ export interface operations {
                     "image/png": components["schemas"]["MeshFile"];
                 };
             };
-            /** @description Not modified: the client has the newest belief */
+            /** @description Not modified: the client has it, by a tag in `If-None-Match` */
             304: {
                 headers: {
+                    /** @description The mesh's tag */
+                    etag?: string;
                     [name: string]: unknown;
                 };
                 content?: never;
@@ -27335,9 +27353,11 @@ export interface operations {
                     "application/json": components["schemas"]["Belief"];
                 };
             };
-            /** @description Not modified: the client has the newest belief */
+            /** @description Not modified: the client has it, by a tag in `If-None-Match` */
             304: {
                 headers: {
+                    /** @description The revision */
+                    etag?: string;
                     [name: string]: unknown;
                 };
                 content?: never;
@@ -29617,9 +29637,11 @@ export interface operations {
                     "application/json": components["schemas"]["Marginals"];
                 };
             };
-            /** @description Not modified: the client has the newest belief */
+            /** @description Not modified: the client has it, by a tag in `If-None-Match` */
             304: {
                 headers: {
+                    /** @description The revision */
+                    etag?: string;
                     [name: string]: unknown;
                 };
                 content?: never;

@@ -5,13 +5,14 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use palpate_schemas as wire;
-use palpate_schemas::SessionEvent;
+use palpate_schemas::{SessionEvent, SessionState};
 use tokio::sync::broadcast;
 use uuid::Uuid;
 
 use super::{SessionError, Sessions, finished};
 use crate::asker;
 use crate::cause::Cause;
+use crate::etag::Tags;
 use crate::live::{Live, POSES, ReplayQuestion};
 use crate::wire::{next_touch, within};
 
@@ -23,32 +24,44 @@ const STEPS: u32 = 100;
 const STEPS_MAX: u64 = 1000;
 
 impl Sessions {
-    /// The present belief or that after some readings; `None` when it is that of `known_revision`.
+    /// The revision of the present belief, or of that after some readings; and the belief, unless
+    /// its tag is known.
     pub(crate) async fn belief(
         &self,
         id: &str,
         query: wire::BeliefQuery,
-        known_revision: Option<u64>,
-    ) -> Result<Option<wire::Belief>, SessionError> {
+        known: &Tags,
+    ) -> Result<(u64, Option<wire::Belief>), SessionError> {
         let poses = poses(query.poses)?;
         let live = self.live(self.parse(id)?).await?;
-        match query.at {
-            Some(at) => Ok(live.belief_at(poses, u64::from(at), known_revision).await?),
-            None => present(live, poses, known_revision).await,
+        let revision = live.revision("?at", query.at.map(u64::from))?;
+        if known.has(&revision.to_string()) {
+            return Ok((revision, None));
         }
+        let belief = match query.at {
+            Some(at) => live.belief_at(poses, u64::from(at)).await?,
+            None => present(live, poses).await?,
+        };
+        Ok((u64::from(belief.revision), Some(belief)))
     }
 
-    /// The present marginals of an object's pose; `None` when they are those of `known_revision`.
+    /// The revision of the present marginals of an object's pose; and these, unless its tag is
+    /// known.
     pub(crate) async fn marginals(
         &self,
         id: &str,
         query: wire::MarginalsQuery,
-        known_revision: Option<u64>,
-    ) -> Result<Option<wire::Marginals>, SessionError> {
+        known: &Tags,
+    ) -> Result<(u64, Option<wire::Marginals>), SessionError> {
         let live = self.live(self.parse(id)?).await?;
+        let revision = live.revision("", None)?;
+        if known.has(&revision.to_string()) {
+            return Ok((revision, None));
+        }
         let object = query.object;
-        let asking = async move { live.marginals(object.as_deref(), known_revision).await };
-        finished(asker::spawn(asking)).await
+        let asking = async move { live.marginals(object.as_deref()).await };
+        let marginals = finished(asker::spawn(asking)).await?;
+        Ok((u64::from(marginals.revision), Some(marginals)))
     }
 
     /// The best next touches by the present belief.
@@ -89,25 +102,31 @@ impl Sessions {
         Ok(live.explain(query.at.map(u64::from)).await?)
     }
 
-    /// Later events of a session, and its present belief.
+    /// The events that tell a session's state to a follower that knows a revision, or nothing; and
+    /// its later events.
     pub(crate) async fn follow(
         &self,
         id: Uuid,
         known_revision: Option<u64>,
-    ) -> Result<(Option<wire::Belief>, broadcast::Receiver<SessionEvent>), SessionError> {
+    ) -> Result<(Vec<SessionEvent>, broadcast::Receiver<SessionEvent>), SessionError> {
         let live = self.live(id).await?;
+        // What comes from now on is in both, rather than in none.
         let events = live.subscribe();
-        Ok((present(live, POSES, known_revision).await?, events))
+        let mut now = Vec::new();
+        if known_revision != Some(live.revision("", None)?) {
+            now.push(SessionEvent::Belief { belief: present(live, POSES).await? });
+        }
+        let session = self.show(&self.tools.store.sessions().get(id)?)?;
+        if session.state != SessionState::Open {
+            now.push(SessionEvent::Closed { session: Box::new(session) });
+        }
+        Ok((now, events))
     }
 }
 
-/// The present belief; `None` when it is that of `known_revision`.
-async fn present(
-    live: Arc<Live>,
-    poses: usize,
-    known_revision: Option<u64>,
-) -> Result<Option<wire::Belief>, SessionError> {
-    finished(asker::spawn(async move { live.belief(poses, known_revision).await })).await
+/// The present belief.
+async fn present(live: Arc<Live>, poses: usize) -> Result<wire::Belief, SessionError> {
+    finished(asker::spawn(async move { live.belief(poses).await })).await
 }
 
 /// Maximum number of poses of an answer.

@@ -4,9 +4,11 @@
 use std::error::Error as _;
 use std::net::SocketAddr;
 use std::sync::OnceLock;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
+use palpate_schemas::retry_after::retry_after;
 use reqwest::dns::{Addrs, Name, Resolve, Resolving};
+use reqwest::header::HeaderValue;
 use reqwest::{Client, Response, StatusCode, header, redirect};
 
 use super::signature::signatures;
@@ -98,8 +100,10 @@ fn client(allows_private: bool) -> Result<Client, String> {
 /// The outcome according to an answer.
 async fn answered(mut answer: Response) -> Sent {
     let status = answer.status();
-    let asked = answer.headers().get(header::RETRY_AFTER).and_then(|asked| asked.to_str().ok());
-    let asked_pause = asked.and_then(|asked| asked.parse().ok()).map(Duration::from_secs);
+    let text =
+        |name| answer.headers().get(name).and_then(|value: &HeaderValue| value.to_str().ok());
+    let asked_pause = text(header::RETRY_AFTER)
+        .and_then(|asked| retry_after(asked, text(header::DATE), SystemTime::now()));
     let mut n_read = 0;
     while n_read < ANSWER_BYTES_MAX
         && let Ok(Some(chunk)) = answer.chunk().await
@@ -163,7 +167,27 @@ impl Resolve for Checked {
 
 #[cfg(test)]
 mod tests {
+    use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+    use tokio::net::TcpListener;
+
     use super::*;
+
+    #[tokio::test]
+    async fn a_receiver_asks_for_a_pause_by_a_date() {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let url = format!("http://{}/hook", listener.local_addr().unwrap());
+        tokio::spawn(async move {
+            let (mut stream, _) = listener.accept().await.unwrap();
+            let answer = "HTTP/1.1 503 Busy\r\nDate: Fri, 27 Nov 2026 20:42:00 GMT\r\n\
+                Retry-After: Fri, 27 Nov 2026 23:59:59 GMT\r\nContent-Length: 0\r\n\r\n";
+            assert!(stream.read(&mut [0; 4096]).await.unwrap() > 0);
+            stream.write_all(answer.as_bytes()).await.unwrap();
+        });
+        let (id, body) = ("1".to_owned(), "{}".to_owned());
+        let message = Message { url: &url, secrets: vec![b"secret"], id, now_ms: 1000, body };
+        let sent = Sender::new(true).send(message).await;
+        assert_eq!(sent.asked_pause, Some(Duration::from_secs(3 * 3600 + 17 * 60 + 59)));
+    }
 
     async fn refused(url: &str) -> String {
         let (id, body) = ("1".to_owned(), "{}".to_owned());

@@ -13,8 +13,7 @@ use crate::wire::Invalid;
 /// Maximum length of a URL, bytes.
 const URL_BYTES_MAX: usize = 2048;
 /// Services of clouds that answer machines about themselves, outside of the link-local networks.
-const METADATA_V4: [Ipv4Addr; 2] =
-    [Ipv4Addr::new(100, 100, 100, 200), Ipv4Addr::new(192, 0, 0, 192)];
+const METADATA_V4: Ipv4Addr = Ipv4Addr::new(100, 100, 100, 200);
 const METADATA_V6: [Ipv6Addr; 2] = [
     Ipv6Addr::new(0xfd00, 0xec2, 0, 0, 0, 0, 0, 0x254),
     Ipv6Addr::new(0xfd20, 0xce, 0, 0, 0, 0, 0, 0x254),
@@ -72,6 +71,9 @@ pub(super) fn url(text: &str, allows_private: bool) -> Result<Url, Invalid> {
         let detail = "a user name or password came: the signature proves who sends";
         return Err(wrong(detail.to_owned()));
     }
+    if url.port() == Some(0) {
+        return Err(wrong("the port is 0, expected 1 to 65535".to_owned()));
+    }
     if url.fragment().is_some() {
         return Err(wrong("a fragment (`#…`) came, which is never sent".to_owned()));
     }
@@ -87,7 +89,7 @@ pub(super) fn address(url: &Url) -> Option<IpAddr> {
     url.host_str()?.trim_matches(['[', ']']).parse().ok()
 }
 
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Kind {
     Public,
     Private,
@@ -95,9 +97,11 @@ enum Kind {
 }
 
 fn kind_v4(address: Ipv4Addr) -> Kind {
-    let [a, b, ..] = address.octets();
-    let is_metadata = METADATA_V4.contains(&address);
-    if is_metadata || address.is_link_local() || a == 0 || a >= 224 {
+    let [a, b, c, _] = address.octets();
+    // Protocol assignments, examples, and relays of 6to4 (RFC 6890).
+    let is_special =
+        matches!((a, b, c), (192, 0, 0 | 2) | (198, 51, 100) | (203, 0, 113) | (192, 88, 99));
+    if is_special || is_metadata(&address) || a == 0 || a >= 224 {
         return Kind::Never;
     }
     // Shared by a provider's customers (RFC 6598), and networks of tests (RFC 2544).
@@ -108,39 +112,57 @@ fn kind_v4(address: Ipv4Addr) -> Kind {
     }
 }
 
+/// Whether an address is link-local or a cloud's, which answers machines about themselves.
+fn is_metadata(address: &Ipv4Addr) -> bool {
+    address.is_link_local() || *address == METADATA_V4
+}
+
+/// The worst of an address itself and of the addresses of version 4 to which it may lead.
 fn kind_v6(address: Ipv6Addr) -> Kind {
-    if address.is_loopback() {
-        return Kind::Private;
-    }
-    if let Some(inner) = embedded(address) {
-        return kind_v4(inner);
-    }
-    let [first, second, ..] = address.segments();
-    // Unspecified, multicast, link-local, site-local, and tunnels (Teredo) to anywhere.
-    let is_never = address.is_unspecified()
-        || first >> 8 == 0xff
-        || first & 0xff80 == 0xfe80
-        || (first, second) == (0x2001, 0)
-        || METADATA_V6.contains(&address);
-    match (is_never, first & 0xfe00 == 0xfc00) {
-        (true, _) => Kind::Never,
-        (false, true) => Kind::Private,
-        (false, false) => Kind::Public,
+    let own = match address.segments() {
+        [0, 0, 0, 0, 0, 0, 0, 1] => return Kind::Private,
+        // Written in version 6, reached by version 4: mapped, compatible, and translated.
+        [0, 0, 0, 0, 0, 0 | 0xffff, ..]
+        | [0, 0, 0, 0, 0xffff, 0, ..]
+        | [0x64, 0xff9b, 0, 0, 0, 0, ..] => Kind::Public,
+        // A translator of the network itself (RFC 8215).
+        [0x64, 0xff9b, 1, ..] => Kind::Private,
+        _ if METADATA_V6.contains(&address) => Kind::Never,
+        [0xfc00..=0xfdff, ..] => Kind::Private,
+        // Protocol assignments, with Teredo's tunnels; examples.
+        [0x2001, 0..=0x1ff | 0xdb8, ..] | [0x3fff, 0..=0xfff, ..] => Kind::Never,
+        // What the internet routes; all else is reserved, link-local or multicast.
+        [0x2000..=0x3fff, ..] => Kind::Public,
+        _ => Kind::Never,
+    };
+    embedded(address).into_iter().flatten().map(kind_v4).fold(own, Kind::max)
+}
+
+/// The addresses of version 4 that one of version 6 may contain. Not here: the networks of 6rd and
+/// of translators with a prefix of their operator's own, which look like any other.
+fn embedded(address: Ipv6Addr) -> [Option<Ipv4Addr>; 4] {
+    let bytes = address.octets();
+    let at = |places: [usize; 4]| Some(Ipv4Addr::from(places.map(|place| bytes[place])));
+    let last = at([12, 13, 14, 15]);
+    match address.segments() {
+        // Mapped, compatible (RFC 4291) and translated (RFC 2765, RFC 6052).
+        [0, 0, 0, 0, 0, 0 | 0xffff, ..]
+        | [0, 0, 0, 0, 0xffff, 0, ..]
+        | [0x64, 0xff9b, 0, 0, 0, 0, ..] => [last, None, None, None],
+        // The prefix may have 48, 56, 64 or 96 bits (RFC 6052, section 2.2): only what would be
+        // metadata at one of these places counts, since one place is right and the others are not.
+        [0x64, 0xff9b, 1, ..] => [[6, 7, 9, 10], [7, 9, 10, 11], [9, 10, 11, 12], [12, 13, 14, 15]]
+            .map(|places| at(places).filter(is_metadata)),
+        // 6to4 (RFC 3056), which may lead to ISATAP as well.
+        [0x2002, ..] => [at([2, 3, 4, 5]), isatap(address).and(last), None, None],
+        _ => [isatap(address).and(last), None, None, None],
     }
 }
 
-/// The address of version 4 to which one of version 6 leads: mapped, compatible, translated
-/// (NAT64) or 6to4.
-fn embedded(address: Ipv6Addr) -> Option<Ipv4Addr> {
-    let bytes = address.octets();
-    let at =
-        |from: usize| Ipv4Addr::new(bytes[from], bytes[from + 1], bytes[from + 2], bytes[from + 3]);
-    match address.segments() {
-        [0, 0, 0, 0, 0, 0 | 0xffff, ..] | [0, 0, 0, 0, 0xffff, 0, ..] => Some(at(12)),
-        [0x64, 0xff9b, 0 | 1, ..] => Some(at(12)),
-        [0x2002, ..] => Some(at(2)),
-        _ => None,
-    }
+/// Whether the interface of an address is one of ISATAP (RFC 5214), with any of its two bits.
+fn isatap(address: Ipv6Addr) -> Option<()> {
+    let [.., scope, mark, _, _] = address.segments();
+    (scope & !0x0300 == 0 && mark == 0x5efe).then_some(())
 }
 
 #[cfg(test)]
@@ -208,8 +230,60 @@ mod tests {
             "::ffff:0.0.0.1",
             "::5",
             "::ffff:0:a9fe:a9fe",
+            "::5efe:a9fe:a9fe",
+            "2001:db8::1",
+            "3fff::1",
+            "100::1",
+            "4000::1",
+            "192.0.2.1",
+            "203.0.113.9",
         ] {
             assert_eq!(checked(address), (false, false), "{address}");
+        }
+    }
+
+    /// Ways to write an address of version 4 in one of version 6.
+    fn embeddings(inner: Ipv4Addr) -> Vec<(&'static str, Ipv6Addr)> {
+        let [a, b, c, d] = inner.octets().map(u128::from);
+        let last = u128::from(inner.to_bits());
+        let made = [
+            ("mapped", 0xffff << 32 | last),
+            ("compatible", last),
+            ("translated", 0xffff << 48 | last),
+            ("NAT64", 0x64_ff9b << 96 | last),
+            ("NAT64, /48", 0x64_ff9b_0001 << 80 | a << 72 | b << 64 | c << 48 | d << 40),
+            ("NAT64, /56", 0x64_ff9b_0001 << 80 | 7 << 72 | a << 64 | b << 48 | c << 40 | d << 32),
+            ("NAT64, /64", 0x64_ff9b_0001_0707 << 64 | last << 24),
+            ("NAT64, /96", 0x64_ff9b_0001 << 80 | last),
+            ("6to4", 0x2002 << 112 | last << 80 | 1),
+            ("ISATAP in 6to4", 0x2002_0101_0101 << 80 | 0x5efe << 32 | last),
+        ];
+        let prefixes = [0, 0x2001_0470_0001_0001, 0x2606_4700_0000_0001, 0xfd12_0000_0000_0001];
+        let isatap = prefixes.into_iter().flat_map(|prefix: u128| {
+            [0, 0x0200, 0x0100, 0x0300]
+                .map(|bits: u128| ("ISATAP", prefix << 64 | bits << 48 | 0x5efe << 32 | last))
+        });
+        made.into_iter().chain(isatap).map(|(name, bits)| (name, bits.into())).collect()
+    }
+
+    #[test]
+    fn no_embedding_leads_where_its_inner_address_may_not() {
+        for inner in ["169.254.169.254", "100.100.100.200"] {
+            for (name, address) in embeddings(inner.parse().unwrap()) {
+                assert_eq!(checked(&address.to_string()), (false, false), "{name}: {address}");
+            }
+        }
+        for inner in ["127.0.0.1", "10.1.2.3", "172.16.9.9", "192.168.1.1", "100.64.0.1"] {
+            for (name, address) in embeddings(inner.parse().unwrap()) {
+                assert!(!checked(&address.to_string()).0, "{name}: {address}");
+            }
+        }
+        for (name, address) in embeddings(Ipv4Addr::new(1, 1, 1, 1)) {
+            let is_local = name.starts_with("NAT64, ") || address.segments()[0] == 0xfd12;
+            // Zeros before ISATAP's mark are no prefix that the internet routes.
+            let is_never = name == "ISATAP" && address.segments()[0] == 0;
+            let expected = (!is_local && !is_never, !is_never);
+            assert_eq!(checked(&address.to_string()), expected, "{name}: {address}");
         }
     }
 
@@ -228,6 +302,7 @@ mod tests {
             "https://u@mes.example",
             "https://u:p@mes.example",
             "https://mes.example/#x",
+            "https://mes.example:0/",
             "https://127.0.0.1/",
             "https://2130706433/",
             "https://0x7f.1/",
