@@ -17,6 +17,7 @@ impl Client {
             .query("limit", query.limit)
             .query("cursor", query.cursor.as_deref())
             .query("needed", query.needed)
+            .query("search", query.search.as_deref())
             .query("trace", query.trace);
         self.send(request).await
     }

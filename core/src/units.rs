@@ -51,6 +51,27 @@ fn write_number(f: &mut std::fmt::Formatter<'_>, value: f64) -> std::fmt::Result
     if is_plain { write!(f, "{value}") } else { write!(f, "{value:e}") }
 }
 
+/// A number of bytes in a message: three digits, in decimal units (1 MB is 10⁶ bytes).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bytes(pub u64);
+
+impl std::fmt::Display for Bytes {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (mut value, mut unit) = (self.0 as f64, 0);
+        // What rounds to 1000 is written in the next unit.
+        while value >= 999.5 && unit < 4 {
+            (value, unit) = (value / 1000.0, unit + 1);
+        }
+        let digits = match value {
+            _ if unit == 0 => 0,
+            99.95.. => 0,
+            9.995.. => 1,
+            _ => 2,
+        };
+        write!(f, "{value:.digits$} {}", ["B", "kB", "MB", "GB", "TB"][unit])
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -63,6 +84,17 @@ mod tests {
         let pi = std::f64::consts::PI;
         assert_eq!(shown(f64::next_up(pi), pi), "3.1415927");
         assert_eq!((shown(1e308, 1.0), shown(-1e-300, 1.0)), ("1e308".into(), "-1e-300".into()));
+    }
+
+    #[test]
+    fn bytes_have_three_digits_and_decimal_units() {
+        let shown = |n: u64| Bytes(n).to_string();
+        assert_eq!([0, 999, 1000, 12_345].map(shown), ["0 B", "999 B", "1.00 kB", "12.3 kB"]);
+        assert_eq!(
+            [370_294, 999_499, 999_500, 64 << 20, 2_500_000_000].map(shown),
+            ["370 kB", "999 kB", "1.00 MB", "67.1 MB", "2.50 GB"]
+        );
+        assert_eq!(shown(3_000_000_000_000_000), "3000 TB");
     }
 
     #[test]

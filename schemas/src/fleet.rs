@@ -22,6 +22,11 @@ pub struct FleetQuery {
     /// Only sessions that need attention. Default: false.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub needed: Option<bool>,
+    /// Only sessions whose id, robots, catalogue, method, labels or likeliest answer contain each
+    /// of these words, in any case. At most 200 characters.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[param(max_length = 200)]
+    pub search: Option<String>,
     /// Whether sessions have their `trace`. Default: false.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub trace: Option<bool>,

@@ -34,7 +34,8 @@ pub struct SessionsQuery {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[param(inline)]
     pub method: Option<Method>,
-    /// Only sessions of this robot: one of `touched_by`.
+    /// Only sessions of this robot: one of `touched_by`. A name, or the beginning of names followed
+    /// by `*`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub robot: Option<String>,
     /// Only sessions whose true object, or without a truth the likeliest answer of `latest`, has this

@@ -17,6 +17,9 @@ pub struct Storage {
     pub free_bytes: Option<u64>,
     /// Bytes to keep free; with fewer, writes are refused.
     pub reserve_bytes: u64,
+    /// Number of stored readings of sessions and of objects in training, retracted ones included.
+    #[serde(default)]
+    pub n_readings: u64,
     /// Quota of stored bytes per key; null if there is none.
     pub quota_bytes: Option<u64>,
     /// Stored bytes per key, largest first. Removing what a key wrote frees them.

@@ -3,6 +3,7 @@
 use std::ops::Deref;
 use std::sync::Arc;
 
+use palpate_core::units::Bytes;
 use palpate_schemas::{Check, Readiness};
 use palpate_store::database::Database;
 use palpate_store::engine::EngineStats;
@@ -97,7 +98,7 @@ impl App {
         let n_free = self.pool.n_free();
         let is_stalled = self.pool.is_stalled();
         let stalled = if is_stalled { ", no thread takes work" } else { "" };
-        let compute = format!("{n_free} places are free{stalled}");
+        let compute = format!("{n_free} more requests can compute{stalled}");
         let compute = check("compute", n_free > 0 && !is_stalled, compute);
         let stopping = *self.stopping.borrow();
         let serving = if stopping { "the server stops" } else { "the server serves" };
@@ -108,7 +109,11 @@ impl App {
             "memory",
             beliefs <= beliefs_max,
             format!(
-                "beliefs have {beliefs} of {beliefs_max} bytes, bodies {bodies} of {bodies_max}"
+                "beliefs have {} of {}, requests in progress {} of {}",
+                Bytes(beliefs as u64),
+                Bytes(beliefs_max as u64),
+                Bytes(bodies as u64),
+                Bytes(bodies_max as u64)
             ),
         );
         let vital = [store, compute, check("serving", !stopping, serving.to_owned())];
@@ -164,21 +169,21 @@ impl App {
 
 /// Whether writes are taken; if not, what would make room.
 fn room(stats: &EngineStats, storage: &Storage) -> Check {
-    let reserve = stats.reserve_bytes >> 20;
+    let reserve = Bytes(stats.reserve_bytes);
     match stats.free_bytes {
         Some(free) if free < stats.reserve_bytes => {
-            let (free, advice) = (free >> 20, storage.advice(stats));
-            let found = format!("{free} MB are free, {reserve} MB must stay: no writes{advice}");
+            let (free, advice) = (Bytes(free), storage.advice(stats));
+            let found = format!("{free} are free, {reserve} must stay: no writes{advice}");
             check("room", false, found)
         }
-        Some(free) => check("room", true, format!("{} MB are free", free >> 20)),
+        Some(free) => check("room", true, format!("{} are free", Bytes(free))),
         None => check("room", true, "nobody can tell".to_owned()),
     }
 }
 
 /// The stored bytes, and the live ones among them.
 fn taken(stats: &EngineStats) -> String {
-    format!("{} MB, {} MB live", stats.bytes >> 20, stats.live_bytes >> 20)
+    format!("{}, {} live", Bytes(stats.bytes), Bytes(stats.live_bytes))
 }
 
 fn check(name: &str, passed: bool, detail: String) -> Check {

@@ -54,11 +54,16 @@ pub fn mesh_png(mesh: &Mesh, view: View, size: usize, points: &[DVec3]) -> Vec<u
     drawn(mesh, view, size, points).to_png()
 }
 
+/// Name of the text in a small picture that states the extent of its mesh along x, y and z, metres.
+pub const EXTENT: &str = "size_m";
+
 /// A small picture of `size` × `size` pixels of a mesh, for lists: smooth edges, RGBA with a
-/// transparent background.
+/// transparent background, and the mesh's extent as text.
 #[must_use]
 pub fn thumbnail_png(mesh: &Mesh, size: usize) -> Vec<u8> {
-    drawn(mesh, View::default(), 2 * size, &[]).to_small_png()
+    let (low, high) = mesh.bounds();
+    let extent = (high - low).to_array().map(|side| format!("{side:.6}")).join(" ");
+    drawn(mesh, View::default(), 2 * size, &[]).to_small_png((EXTENT, &extent))
 }
 
 fn drawn(mesh: &Mesh, view: View, size: usize, points: &[DVec3]) -> Canvas {
@@ -156,6 +161,10 @@ mod tests {
         let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
         let info = reader.next_frame(&mut pixels).unwrap();
         assert_eq!((info.width, info.height, info.color_type), (64, 64, png::ColorType::Rgba));
+        let texts = &reader.info().uncompressed_latin1_text;
+        let size = texts.iter().find(|text| text.keyword == EXTENT).unwrap();
+        assert_eq!(size.text.split(' ').map(str::parse::<f64>).filter(Result::is_ok).count(), 3);
+        assert!(size.text.ends_with("0.060000"), "a ball of 30 mm radius: {}", size.text);
         let (pixels, _) = pixels.as_chunks::<4>();
         let share = |fits: fn(u8) -> bool| {
             pixels.iter().filter(|pixel| fits(pixel[3])).count() as f64 / pixels.len() as f64

@@ -19,6 +19,7 @@ use std::collections::BTreeMap;
 use std::future::Future;
 use std::pin::Pin;
 
+use palpate_core::units::Bytes;
 use thiserror::Error;
 use uuid::Uuid;
 
@@ -292,8 +293,8 @@ pub enum EngineError {
     Poisoned,
     /// Too little space is left on the disk; nothing was written.
     #[error(
-        "the disk is full: {} MB are free and {} MB must stay free",
-        .free >> 20, .reserve >> 20
+        "the disk is full: {} are free and {} must stay free",
+        Bytes(*.free), Bytes(*.reserve)
     )]
     Full {
         /// Bytes that are free.
@@ -317,8 +318,8 @@ pub enum EngineError {
     },
     /// Too little space is left on the disk for a compaction.
     #[error(
-        "no room to compact: it needs {} MB, {} MB are free and {} MB must stay free",
-        .needed.div_ceil(1 << 20), .free >> 20, .reserve >> 20
+        "no room to compact: it needs {}, {} are free and {} must stay free",
+        Bytes(*.needed), Bytes(*.free), Bytes(*.reserve)
     )]
     NoRoomToCompact {
         /// Bytes that it needs while it runs.

@@ -28,8 +28,8 @@ pub(crate) use stored::{JournalRetractionV1, JournalRobotV1, StoredHead};
 pub const ROBOT_BYTES_MAX: usize = 64;
 /// Length of an entry's key: space, owner, sequence.
 const ENTRY_KEY_BYTES: usize = 25;
-/// Number of retractions per read.
-const RETRACTIONS_PER_SCAN: usize = 1024;
+/// Number of small records, such as retractions, per read.
+const RECORDS_PER_SCAN: usize = 1024;
 
 /// Content of a journal's entry.
 #[derive(Clone, Debug, PartialEq)]
@@ -176,6 +176,25 @@ impl Journal {
         Ok(self.stored_head(owner)?.map_or(0, |(_, head)| head.length()))
     }
 
+    /// The number of readings in all journals of the family, withdrawn ones included. A damaged
+    /// journal counts nothing. Linear in the number of journals.
+    ///
+    /// # Errors
+    /// The engine's.
+    pub fn n_readings(&self) -> Result<u64, StoreError> {
+        let mut total = 0;
+        let prefix = key::space(self.spaces.head);
+        for page in engine::pages(&*self.engine, &prefix, None, RECORDS_PER_SCAN) {
+            for (key, bytes) in &page? {
+                let owner = key.get(prefix.len()..).and_then(|id| Uuid::from_slice(id).ok());
+                let (Some(owner), Ok(head)) = (owner, record::decode(bytes)) else { continue };
+                let Head { length, n_retracted, is_closed, .. } = self.whole(owner, head)?;
+                total += length.saturating_sub(n_retracted + u64::from(is_closed));
+            }
+        }
+        Ok(total)
+    }
+
     /// The journal of `owner` as a whole; an empty one when it has none.
     ///
     /// # Errors
@@ -263,7 +282,7 @@ impl Journal {
         let Some(space) = self.spaces.retractions else { return Ok(found) };
         let damaged = StoreError::damaged(space);
         let prefix = key::id(space, owner);
-        for page in engine::pages(&*self.engine, &prefix, None, RETRACTIONS_PER_SCAN) {
+        for page in engine::pages(&*self.engine, &prefix, None, RECORDS_PER_SCAN) {
             for (key, bytes) in &page? {
                 let record: JournalRetractionV1 = record::decode(bytes).map_err(&damaged)?;
                 let seq: Option<[u8; 8]> = key[prefix.len()..].try_into().ok();

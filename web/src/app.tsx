@@ -1,8 +1,11 @@
 // Frame of every view: skip link, navigation, main landmark, and the sign-in gate.
+import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import { announcement } from "./announce";
 import { AuditView } from "./audit/AuditView";
 import { keyWanted } from "./api/http";
+import { silentSince } from "./api/pulse";
+import { narrow } from "./format";
 import { FleetView } from "./fleet/FleetView";
 import { HealthView } from "./health/HealthView";
 import { JobsView } from "./jobs/JobsView";
@@ -12,8 +15,12 @@ import { ModelsView } from "./models/ModelsView";
 import { VersionView } from "./models/VersionView";
 import { ObjectsView } from "./objects/ObjectsView";
 import { ObjectView } from "./objects/ObjectView";
+import { Silence } from "./parts/Live";
 import { Empty, Loading } from "./parts/Notes";
+import { ViewHead } from "./parts/Panel";
 import { link, route } from "./router";
+import { matched, type Route } from "./routes";
+import { restoreScroll } from "./scroll";
 import { SensorsView } from "./sensors/SensorsView";
 import { SensorView } from "./sensors/SensorView";
 import { SessionView } from "./session/SessionView";
@@ -40,6 +47,14 @@ const VIEWS: [path: string, name: string][] = [
 
 export function App() {
   const [view = "fleet"] = route.value;
+  const nav = useRef<HTMLElement>(null);
+  const isKnown = whoAsked.value;
+  const isNarrow = narrow.value;
+  useEffect(() => {
+    // On a phone the row of pages scrolls: the current one is in its middle.
+    const [row, current] = [nav.current?.querySelector("ul"), nav.current?.querySelector<HTMLElement>("[aria-current]")];
+    if (row && current) row.scrollLeft = current.offsetLeft - row.offsetLeft + current.offsetWidth / 2 - row.clientWidth / 2;
+  }, [view, isKnown, isNarrow]);
   return (
     <>
       {/* biome-ignore lint/a11y/useValidAnchor: a skip link; the fragment of the address is the route, so it moves the focus itself */}
@@ -51,7 +66,7 @@ export function App() {
           <img src="/assets/icon.svg" width="26" height="26" alt="" />
           <span>Palpate</span>
         </a>
-        <nav aria-label="Views" class={!whoAsked.value ? "nav-unknown" : ""}>
+        <nav ref={nav} aria-label="Views" class={!isKnown ? "nav-unknown" : ""}>
           <ul>
             {VIEWS.filter(([path]) => who.value === undefined || maySee(path)).map(([path, name]) => (
               <li key={path}>
@@ -77,69 +92,69 @@ export function App() {
 
 function Main() {
   const main = useRef<HTMLElement>(null);
-  const path = route.value.join("/");
-  const before = useRef(path);
+  const found = matched(route.value);
+  // Another revision of a session is the same view.
+  const key = [...(found?.params ?? []).slice(0, found?.name === MOMENT ? 1 : undefined), found?.name.replace(/\/at.*/, "") ?? route.value].join("/");
+  const before = useRef(key);
   useEffect(() => {
-    const title = main.current?.querySelector("h1")?.textContent;
-    document.title = title ? `${title} · Palpate` : "Palpate";
-    if (before.current === path) return;
-    before.current = path;
-    scrollTo(0, 0);
+    restoreScroll();
+    if (before.current === key) return;
+    before.current = key;
     // Moves the focus of screen readers to the new view.
     main.current?.querySelector<HTMLElement>("h1")?.focus({ preventScroll: true });
-  }, [path]);
+  }, [key]);
+  const isOld = silentSince.value !== undefined;
   return (
     <main ref={main} id="main" tabIndex={-1}>
-      {keyWanted.value ? <SignIn /> : whoAsked.value ? <View key={path} /> : <Loading what="the page" lines={6} />}
+      <Silence />
+      <div class={isOld ? "old" : ""}>
+        {keyWanted.value ? <SignIn /> : whoAsked.value ? <View key={key} /> : <Loading what="the page" lines={6} />}
+      </div>
     </main>
   );
 }
 
+const MOMENT: Route = "sessions/:id/at/:revision";
+
+/** The view of each page. */
+const SHOWN: Record<Route, (first: string, second: string) => ComponentChildren> = {
+  fleet: () => <FleetView />,
+  sessions: () => <SessionsView />,
+  "sessions/:id": (id) => <SessionView id={id} />,
+  [MOMENT]: (id, at) => <SessionView id={id} at={at} />,
+  "compare/:id/:id": (one, other) => <CompareView ids={[one, other]} />,
+  objects: () => <ObjectsView />,
+  "objects/:name": (name) => <ObjectView id={name} />,
+  models: () => <ModelsView />,
+  "models/:catalogue/:version": (catalogue, version) => <VersionView catalogue={catalogue} version={version} />,
+  jobs: () => <JobsView />,
+  "jobs/:id": (id) => <JobView id={id} />,
+  sensors: () => <SensorsView />,
+  "sensors/:name": (name) => <SensorView id={name} />,
+  keys: () => <KeysView />,
+  audit: () => <AuditView />,
+  snapshots: () => <SnapshotsView />,
+  webhooks: () => <WebhooksView />,
+  "webhooks/:id": (id) => <WebhookView id={id} />,
+  health: () => <HealthView />,
+};
+
 function View() {
-  const [view = "fleet", id, part, what] = route.value;
+  const found = matched(route.value);
+  const view = found?.name.split("/")[0] ?? "";
   const name = VIEWS.find(([path]) => path === view)?.[1];
   if (who.value !== undefined && name !== undefined && !maySee(view)) return <NotPermitted view={view} name={name} />;
-  switch (view) {
-    case "fleet":
-      return <FleetView />;
-    case "sessions":
-      return id === undefined ? <SessionsView /> : <SessionView id={id} at={revision(part, what)} />;
-    case "compare":
-      return id !== undefined && part !== undefined ? <CompareView ids={[id, part]} /> : <SessionsView />;
-    case "objects":
-      return id === undefined ? <ObjectsView /> : <ObjectView id={id} />;
-    case "models":
-      return id !== undefined && part !== undefined ? <VersionView catalogue={id} version={part} /> : <ModelsView />;
-    case "jobs":
-      return id === undefined ? <JobsView /> : <JobView id={id} />;
-    case "sensors":
-      return id === undefined ? <SensorsView /> : <SensorView id={id} />;
-    case "keys":
-      return <KeysView />;
-    case "audit":
-      return <AuditView />;
-    case "snapshots":
-      return <SnapshotsView />;
-    case "webhooks":
-      return id === undefined ? <WebhooksView /> : <WebhookView id={id} />;
-    case "health":
-      return <HealthView />;
-    default:
-      return (
-        <Empty title="Page not found">
-          <a href={link("fleet")}>Go to the fleet</a>
-        </Empty>
-      );
-  }
+  if (found !== undefined) return SHOWN[found.name](found.params[0] ?? "", found.params[1] ?? "");
+  return (
+    <>
+      <ViewHead title="Page not found" />
+      <Empty title="The address names no page"><a href={link("fleet")}>Go to the fleet</a></Empty>
+    </>
+  );
 }
 
 function isAt(view: string, path: string): boolean {
   return view === path || (view === "compare" && path === "sessions");
-}
-
-/** The revision of a link to a moment, `#/sessions/ID/at/12`; null for the newest. */
-function revision(part: string | undefined, at: string | undefined): number | null {
-  return part === "at" && /^\d+$/.test(at ?? "") ? Number(at) : null;
 }
 
 function toMain(event: Event): void {

@@ -14,6 +14,13 @@ darkQuery.addEventListener("change", (event) => {
   dark.value = event.matches;
 });
 
+/** Whether the window is as narrow as a phone. */
+const narrowQuery = matchMedia("(max-width: 640px)");
+export const narrow = signal(narrowQuery.matches);
+narrowQuery.addEventListener("change", (event) => {
+  narrow.value = event.matches;
+});
+
 export function percent(p: number): string {
   if (p >= 0.9995 && p < 1) return ">99.9 %";
   if (p > 0 && p < 0.0005) return "<0.1 %";
@@ -66,15 +73,17 @@ export function symmetryWords(object: {
   return [...counts].map(([word, n]) => (n === 1 ? word : `${n} × ${word}`)).join(", ") || "none";
 }
 
+/** A number of bytes in decimal units, 1 MB being 10⁶ bytes: three digits, as the server writes it. */
 export function bytes(n: number): string {
   const units = ["B", "kB", "MB", "GB", "TB"];
   let value = n;
   let unit = 0;
-  while (value >= 1000 && unit < units.length - 1) {
+  while (value >= 999.5 && unit < units.length - 1) {
     value /= 1000;
     unit += 1;
   }
-  return `${decimal(value, value < 10 && unit > 0 ? 1 : 0)} ${units[unit]}`;
+  const digits = unit === 0 || value >= 99.95 ? 0 : value >= 9.995 ? 1 : 2;
+  return `${value.toFixed(digits)} ${units[unit]}`;
 }
 
 export function count(n: number): string {
@@ -104,9 +113,18 @@ export function duration(seconds: number): string {
 export function when(time: string | null | undefined): string {
   if (time === null || time === undefined) return "–";
   const date = new Date(time);
-  const pad = (n: number) => String(n).padStart(2, "0");
   const day = `${date.getFullYear()}-${pad(date.getMonth() + 1)}-${pad(date.getDate())}`;
-  return `${day} ${pad(date.getHours())}:${pad(date.getMinutes())}:${pad(date.getSeconds())}`;
+  return `${day} ${clock(date.getTime())}`;
+}
+
+/** The time of day of a moment of this browser, to the second. */
+export function clock(milliseconds: number): string {
+  const date = new Date(milliseconds);
+  return `${pad(date.getHours())}:${pad(date.getMinutes())}:${pad(date.getSeconds())}`;
+}
+
+function pad(n: number): string {
+  return String(n).padStart(2, "0");
 }
 
 /** The end of an id, where ids of the same hour differ. */

@@ -155,6 +155,25 @@ await measure("fleet", "fleet", ".fleet-row", async () => {
   assert.deepEqual(new Set(first), stuck, "those that need somebody come first");
   await page.getByRole("button", { name: "Show more" }).click();
   await page.waitForFunction((n) => document.querySelectorAll(".fleet-row").length === n, N_SESSIONS);
+  if (PAGES) return;
+  // The way back leads to the same rows at the same place; a reload as well.
+  await page.evaluate(() => scrollTo(0, 2000));
+  await page.waitForFunction(() => history.state?.scrolled === 2000);
+  const isThere = () => page.waitForFunction(() => Math.abs(scrollY - 2000) < 2);
+  // One that is in view, or the click would scroll.
+  await page.evaluate(() => [...document.querySelectorAll(".fleet-link")].find((one) => one.getBoundingClientRect().top > 200).click());
+  await page.locator(".stage").waitFor();
+  await page.goBack();
+  await isThere();
+  await page.reload();
+  await isThere();
+  // A search looks into all sessions, and its link finds the same.
+  await page.getByLabel("Search", { exact: true }).fill("n=124");
+  await page.waitForFunction(() => document.querySelectorAll(".fleet-row").length === 1);
+  await page.reload();
+  await page.waitForFunction(() => document.querySelectorAll(".fleet-row").length === 1);
+  await page.getByLabel("Search", { exact: true }).fill("no such robot");
+  await page.getByText("No open session fits").waitFor();
 });
 await measure("sessions", "sessions", "tbody tr");
 const last = `thing-${String(N_OBJECTS - 3).padStart(4, "0")}`;

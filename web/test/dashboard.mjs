@@ -310,7 +310,7 @@ await step("a session says where to touch next, and the true object once it is t
   const closed = await fetch(`${SERVER}/v1/sessions/${one.id}/close`, { method: "POST", headers: { "content-type": "application/json" }, body });
   assert.equal((await closed.json()).truth.name, "hammer");
   await page.getByText("it was hammer").waitFor();
-  assert.equal(await page.getByText("it was hammer").getAttribute("class"), "badge badge-bad", "it was believed to be a gear");
+  assert.match(await page.getByText("it was hammer").getAttribute("class"), /badge-bad/, "it was believed to be a gear");
 });
 await step("a simulated robot closes with the truth, which is drawn beside the belief", async () => {
   await robot("mug", "mug", 6, 12, 0, "--close");

@@ -24,7 +24,7 @@ export async function workSession({ page, step, shot, json, session, nTouches })
     await page.keyboard.press("p");
     await chosen(1);
     await page.locator(".explain .chosen").getByText("1", { exact: false }).first().waitFor();
-    await page.getByText(/^Reading 1: [+−]?[\d.]+ bit, fit/).waitFor();
+    await page.getByText(/^Reading 1: [+−]?[\d.]+ bit lost without it, [+−]?[\d.]+ bit when it came, fit/).waitFor();
     // A touch is where the pointer becomes a hand.
     const place = await canvas.evaluate((view) => {
       const { left, top, width, height } = view.getBoundingClientRect();

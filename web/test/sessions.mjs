@@ -43,6 +43,23 @@ await step("sessions are listed newest first and searched", async () => {
   const first = await page.locator("tbody tr").first().textContent();
   assert.ok(first.includes(hammer.slice(-8)), `the newest is first: ${first}`);
   const best = (await json(`/v1/sessions/${mug}`)).latest.best.name;
+  const shown = () => page.locator("tbody tr").count();
+  const all = await shown();
+  await page.getByLabel("Robot").pressSequentially("simu");
+  await page.waitForFunction(() => location.hash === "#/sessions?robot=simu");
+  await page.getByLabel("Robot").fill("nobody");
+  await page.getByText("No session fits").waitFor();
+  // The filter is a link, survives a reload, and is there on the way back.
+  await page.reload();
+  await page.getByText("No session fits").waitFor();
+  assert.equal(await page.getByLabel("Robot").inputValue(), "nobody");
+  await page.getByRole("navigation").getByRole("link", { name: "Jobs" }).click();
+  await page.getByRole("heading", { name: "Jobs", exact: true }).waitFor();
+  await page.goBack();
+  await page.getByText("No session fits").waitFor();
+  await page.getByRole("button", { name: "Clear filters" }).click();
+  await rowOf(mug).waitFor();
+  assert.equal(await shown(), all);
   await page.getByLabel("Object").selectOption(best);
   await page.waitForFunction((name) => [...document.querySelectorAll("tbody tr")].every((row) => row.textContent.includes(name)), best);
   await page.getByLabel("Labels").fill("site=oslo");
@@ -90,15 +107,38 @@ await step("a session is labelled, saved, and linked to at a revision", async ()
   await page.waitForFunction(() => location.hash.endsWith("/at/2"));
   await page.reload();
   await page.getByText("as of revision 2").waitFor();
+  // A revision that the session does not have is the newest, also in the address.
+  await page.goto(`${SERVER}/?moment#/sessions/${mug}/at/99`);
+  await page.getByText("newest", { exact: true }).waitFor();
+  await page.waitForFunction((hash) => location.hash === hash, `#/sessions/${mug}`);
 });
 
-await step("any reading can be retracted, and the truth told at the end", async () => {
+await step("any reading can be retracted and put back, and the truth told at the end", async () => {
   await page.goto(`${SERVER}/#/sessions/${mug}`);
   const contributions = page.getByRole("region", { name: "Contributions of readings" });
   await contributions.getByRole("button", { name: /^4/ }).click();
   await contributions.getByRole("button", { name: "Retract" }).first().click();
   await page.waitForFunction(() => document.querySelector(".replay input").max === "10");
   assert.equal((await json(`/v1/sessions/${mug}`)).n_retracted, 1);
+  await page.getByText(/^Revision 10, a reading was retracted \(8 readings\)/).waitFor();
+  const row = contributions.getByRole("row", { name: /^4/ });
+  await row.getByText("retracted").waitFor();
+  const before = (await json(`/v1/sessions/${mug}/belief?at=9`)).objects;
+  await row.getByRole("button", { name: "Put back" }).click();
+  await row.getByText("put back as 11").waitFor();
+  await page.getByText(/^Revision 11, a reading arrived \(9 readings\)/).waitFor();
+  const after = (await json(`/v1/sessions/${mug}/belief`)).objects;
+  for (const [i, { name, probability }] of before.slice(0, 2).entries()) {
+    assert.equal(after[i].name, name);
+    assert.ok(Math.abs(after[i].probability - probability) < 1e-6, `${name} is as likely as before: ${after[i].probability}, ${probability}`);
+  }
+  // What the readings changed when they came adds up to all that was learnt.
+  const prior = (await json(`/v1/sessions/${mug}/belief?at=0`)).objects.find((one) => one.name === after[0].name).probability;
+  const came = await contributions.locator("tbody tr td:nth-of-type(2)").allTextContents();
+  const bits = came.reduce((sum, text) => sum + Number(text.replace("−", "-")), 0);
+  const at = async (revision) => (await json(`/v1/sessions/${mug}/belief?at=${revision}`)).objects.find((one) => one.name === after[0].name).probability;
+  const learnt = Math.log2((await at(9)) / prior) + Math.log2((await at(11)) / (await at(10)));
+  assert.ok(Math.abs(bits - learnt) < 0.01 * came.length, `${bits} of ${learnt} bits`);
   await page.getByRole("button", { name: "Close session …" }).click();
   await page.getByLabel("It was").selectOption("mug");
   await checkAxe(page, "closing a session");

@@ -1,9 +1,9 @@
-// What the page says is so: on a server that freezes, stops and comes back, for every role.
+// What the page says is so: of lost streams and answers, in every order, for every role. `away.mjs` has the silent server.
 import assert from "node:assert/strict";
-import { execFileSync, spawn } from "node:child_process";
-import { once } from "node:events";
+import { execFileSync } from "node:child_process";
 import { mkdirSync, mkdtempSync, symlinkSync } from "node:fs";
 import { checkAxe, checkWidth, open } from "./browser.mjs";
+import { serve } from "./server.mjs";
 
 const { PALPATE, FOLDER, SHOTS } = process.env;
 const { browser, page, errors } = await open();
@@ -23,59 +23,6 @@ async function shot(name) {
   if (SHOTS) await page.screenshot({ path: `${SHOTS}/truth-${name}.png` });
 }
 
-/** A server that can be stopped and started again at the same address. */
-class Server {
-  constructor(name, ...options) {
-    Object.assign(this, { name, options, listen: "127.0.0.1:0" });
-  }
-
-  async start() {
-    const args = ["serve", "--listen", this.listen, "--data", `${FOLDER}/${this.name}.data`, "--json", ...this.options];
-    this.child = spawn(PALPATE, args, { stdio: ["ignore", "pipe", "ignore"] });
-    const [said] = await once(this.child.stdout, "data");
-    this.said = JSON.parse(said);
-    this.address = this.said.server;
-    this.listen = new URL(this.address).host;
-  }
-
-  async stop() {
-    this.child.kill("SIGTERM");
-    await once(this.child, "exit");
-  }
-
-  freeze() {
-    this.child.kill("SIGSTOP");
-  }
-
-  thaw() {
-    this.child.kill("SIGCONT");
-  }
-
-  palpate(...args) {
-    const env = { ...process.env, PALPATE_SERVER: this.address, ...(this.key ? { PALPATE_KEY: this.key } : {}) };
-    return execFileSync(PALPATE, args.map(String), { stdio: ["ignore", "pipe", "pipe"], env }).toString();
-  }
-
-  async json(path) {
-    return (await fetch(this.address + path)).json();
-  }
-
-  touch(object, readings, seed) {
-    this.palpate("touch", "--object", object, "--mesh", `${FOLDER}/meshes/${object}.stl`, "--readings", readings, "--seed", seed, "--pace", 0);
-  }
-}
-
-const servers = [];
-async function serve(name, ...options) {
-  const server = new Server(name, ...options);
-  await server.start();
-  servers.push(server);
-  return server;
-}
-process.on("exit", () => {
-  for (const { child } of servers) child.kill("SIGKILL");
-});
-
 const OBJECTS = ["mug", "hammer", "gear", "hand"];
 const TOUCHES = 7;
 let server;
@@ -89,20 +36,6 @@ await step("a server with four objects and a session", async () => {
 });
 
 const says = (at, pattern, timeout = 60_000) => at.locator(".view-head .live").filter({ hasText: pattern }).waitFor({ timeout });
-
-for (const path of ["fleet", "session"]) {
-  await step(`a frozen server is not live, and is again afterwards: ${path}`, async () => {
-    await page.goto(`${server.address}/?${path}#/${path === "fleet" ? path : `sessions/${session}`}`);
-    await says(page, /^live$/);
-    await page.waitForTimeout(500);
-    server.freeze();
-    await says(page, /^last heard \d+ s ago$/, 20_000);
-    await checkAxe(page, `a silent ${path}`);
-    await shot(`silent-${path}`);
-    server.thaw();
-    await says(page, /^live$/);
-  });
-}
 
 await step("a stream without keep-alives is opened anew", async () => {
   const page = await context.newPage();
@@ -142,32 +75,6 @@ await step("a request that is not answered ends", async () => {
   await page.getByText("No sensors").or(page.locator("tbody tr")).first().waitFor();
   await page.close();
 });
-
-const VIEWS = [
-  ["fleet", ".fleet-row"],
-  [() => `sessions/${session}`, '.stage[data-state="ready"]'],
-  ["objects", ".card"],
-  ["models", "tbody tr"],
-  ["jobs", "tbody tr"],
-  ["health", ".stat"],
-];
-for (const [at, sign] of VIEWS) {
-  const path = typeof at === "string" ? at : at();
-  await step(`opened without a server, it recovers by itself: ${path.split("/")[0]}`, async () => {
-    // The frame of the page is there; the server goes before the view is opened.
-    await page.goto(`${server.address}/?away-${path}#/sensors`);
-    await page.getByRole("heading", { name: "Sensors", exact: true }).waitFor();
-    await page.waitForTimeout(500);
-    await server.stop();
-    await page.evaluate((hash) => (location.hash = hash), `#/${path}`);
-    await page.getByRole("alert").first().waitFor();
-    assert.doesNotMatch(await page.getByRole("alert").first().textContent(), /503/, "no status that no server gave");
-    await shot(`away-${path.split("/")[0]}`);
-    await server.start();
-    await page.locator(sign).first().waitFor({ timeout: 30_000 });
-    await page.waitForFunction(() => document.querySelector("[role=alert]") === null, undefined, { timeout: 30_000 });
-  });
-}
 
 await step("a belief is shown under its own revision", async () => {
   const route = "**/belief?at=*";

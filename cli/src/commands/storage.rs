@@ -38,5 +38,5 @@ fn thing(thing: &StoredThing) -> [String; 3] {
 
 /// Bytes in megabytes, as text.
 pub(crate) fn megabytes(bytes: u64) -> String {
-    format!("{:.1} MB", bytes as f64 / 1e6)
+    palpate_core::units::Bytes(bytes).to_string()
 }

@@ -107,7 +107,8 @@ pub(crate) async fn get_mesh(
 /// Get a small picture of an object
 ///
 /// A picture of 256 × 256 pixels of the object's mesh on a transparent ground, made when the mesh
-/// was uploaded. 404 if the object has no mesh.
+/// was uploaded. Its text `size_m` states the mesh's extent along x, y and z in metres. 404 if the
+/// object has no mesh.
 #[utoipa::path(get, path = "/v1/objects/{object}/thumbnail.png", operation_id = "get_thumbnail",
     tag = "objects",
     params(("object" = String, Path, description = "The object's id or name")),

@@ -75,6 +75,7 @@ impl Storage {
             stored_bytes: stats.bytes,
             free_bytes: stats.free_bytes,
             reserve_bytes: stats.reserve_bytes,
+            n_readings: self.store.journal().n_readings()? + self.store.training().n_readings()?,
             quota_bytes: self.quota,
             holders: self.holders(),
             largest: self.largest(&stats),

@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 
 use palpate_sim::mesh::Mesh;
-use palpate_sim::render::thumbnail_png;
+use palpate_sim::render::{EXTENT, thumbnail_png};
 use uuid::Uuid;
 
 use crate::derived::DerivedFiles;
@@ -33,9 +33,10 @@ impl Thumbnails {
         png
     }
 
-    /// The picture of an upload, if it is whole. Blocks.
+    /// The picture of an upload, if it is whole and states the mesh's extent. Blocks.
     pub(crate) fn find(&self, upload: Uuid) -> Option<Vec<u8>> {
-        self.0.find(upload).filter(|png| png.ends_with(&PNG_END))
+        let states = |png: &[u8]| png.windows(EXTENT.len()).any(|part| part == EXTENT.as_bytes());
+        self.0.find(upload).filter(|png| png.ends_with(&PNG_END) && states(png))
     }
 
     /// Removes the picture of an upload. Blocks.

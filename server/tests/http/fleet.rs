@@ -135,6 +135,13 @@ async fn sessions_that_need_attention_come_first_until_handled() {
     assert_eq!(attention["reason"], "probably none of the known objects");
     let needed = it.get("/v1/fleet?needed=true").await.expect(200);
     assert_eq!(ids(&needed), [alarmed.as_str()]);
+    let (part, wrong) = (&quiet[1][20..].to_uppercase(), "nobody");
+    let found = it.get(&format!("/v1/fleet?search=SURFACE%20{part}")).await.expect(200);
+    assert_eq!((ids(&found), &found["n_open"]), (vec![quiet[1].as_str()], &json!(3)));
+    let none = it.get(&format!("/v1/fleet?search={part}%20{wrong}")).await.expect(200);
+    assert_eq!(ids(&none), Vec::<&str>::new());
+    let long = format!("/v1/fleet?search={}", "x".repeat(201));
+    it.get(&long).await.problem(422, "invalid-value", Some("?search"));
 
     // Acknowledged alarms need nobody, also after a restart, which forms the beliefs again.
     let before = formed(&it, &alarmed).await;

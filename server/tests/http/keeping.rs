@@ -40,7 +40,7 @@ async fn a_full_disk_refuses_writes_with_507_and_allows_reads() {
     let one = json!({"readings": [quiet_reading()]});
     let problem = it.post(&path, &one).await.problem(507, "storage-full", None);
     let detail = problem["detail"].as_str().unwrap();
-    assert!(detail.contains("1 MB are free and 64 MB must stay free"), "{detail}");
+    assert!(detail.contains("1.05 MB are free and 67.1 MB must stay free"), "{detail}");
     it.post("/v1/objects", &json!({"name": "mug"})).await.problem(507, "storage-full", None);
     assert_eq!(it.get(&belief_path).await.expect(200), belief);
     let again = it.post(&path, &readings(6)).await.expect(200);

@@ -40,6 +40,8 @@ async fn sessions_are_found_by_all_that_is_known_of_them() {
     assert_eq!(ids(&it, "").await, all);
     assert_eq!(ids(&it, "order=newest").await, [&*sva, &*bar, &*cube]);
     assert_eq!(ids(&it, "robot=left").await, [&*cube, &*sva]);
+    assert_eq!(ids(&it, "robot=le*").await, [&*cube, &*sva]);
+    assert_eq!(ids(&it, "robot=le").await, Vec::<String>::new(), "the beginning has its mark");
     assert_eq!(ids(&it, "method=sva").await, [&*sva]);
     assert_eq!(ids(&it, "labels=site").await, [&*cube, &*bar]);
     assert_eq!(ids(&it, "labels=site:oslo,shift").await, [&*cube]);

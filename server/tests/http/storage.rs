@@ -86,8 +86,16 @@ async fn stored_data_counts_towards_the_key_that_made_it() {
     assert!(first["bytes"].as_u64() > version["bytes"].as_u64(), "{storage}");
     assert!((6 * 300..20_000).contains(&holds(&keys, "arm")), "{keys}");
 
+    let n_readings = storage["n_readings"].as_u64().unwrap();
+    assert!(n_readings >= 6, "{storage}");
+
     let it = it.restart().await;
-    assert_eq!(it.get("/v1/storage").await.expect(200)["holders"], storage["holders"]);
+    let again = it.get("/v1/storage").await.expect(200);
+    assert_eq!(again["holders"], storage["holders"]);
+    assert_eq!(again["n_readings"], n_readings, "counted in the store");
+    it.send(Method::DELETE, &format!("/v1/sessions/{session}/readings/0"), None).await.expect(200);
+    let again = it.get("/v1/storage").await.expect(200);
+    assert_eq!(again["n_readings"], n_readings, "a retracted reading stays stored");
     it.send(Method::DELETE, &format!("/v1/sessions/{session}"), None).await.expect(204);
     let keys = it.get("/v1/keys").await.expect(200);
     // Its robot's name still counts towards it.

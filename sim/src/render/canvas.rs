@@ -79,8 +79,8 @@ impl Canvas {
     }
 
     /// The picture at half its size, each pixel the mean of four, as a PNG file whose background is
-    /// transparent.
-    pub(super) fn to_small_png(&self) -> Vec<u8> {
+    /// transparent, with a named text.
+    pub(super) fn to_small_png(&self, text: (&str, &str)) -> Vec<u8> {
         let (width, height) = (self.width / 2, self.height / 2);
         let mut pixels = Vec::with_capacity(4 * width * height);
         for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
@@ -92,20 +92,31 @@ impl Canvas {
             let mean = |channel| (sum(channel) / drawn.len().max(1)) as u8;
             pixels.extend([mean(0), mean(1), mean(2), (255 * drawn.len() / 4) as u8]);
         }
-        png(width, height, png::ColorType::Rgba, &pixels)
+        png(width, height, png::ColorType::Rgba, &pixels, Some(text))
     }
 
     /// The picture as a PNG file.
     pub(super) fn to_png(&self) -> Vec<u8> {
-        png(self.width, self.height, png::ColorType::Rgb, self.pixels.as_flattened())
+        png(self.width, self.height, png::ColorType::Rgb, self.pixels.as_flattened(), None)
     }
 }
 
-fn png(width: usize, height: usize, color: png::ColorType, pixels: &[u8]) -> Vec<u8> {
+fn png(
+    width: usize,
+    height: usize,
+    color: png::ColorType,
+    pixels: &[u8],
+    text: Option<(&str, &str)>,
+) -> Vec<u8> {
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, width as u32, height as u32);
     encoder.set_color(color);
     encoder.set_depth(png::BitDepth::Eight);
+    if let Some((name, text)) = text {
+        encoder
+            .add_text_chunk(name.to_owned(), text.to_owned())
+            .expect("names and numbers are Latin");
+    }
     let mut writer = encoder.write_header().expect("writing to memory does not fail");
     writer.write_image_data(pixels).expect("the pixels fill the picture");
     drop(writer);

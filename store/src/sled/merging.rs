@@ -9,6 +9,8 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
+use palpate_core::units::Bytes;
+
 use super::base::Base;
 use super::base::writing::BaseWriter;
 use super::levels::Levels;
@@ -66,9 +68,9 @@ pub(super) fn log_compacted(compacted: &Compacted) {
         before_bytes,
         after_bytes,
         live_bytes,
-        "Compacted the database from {} MB to {} MB; {} MB are live",
-        before_bytes >> 20,
-        after_bytes >> 20,
-        live_bytes >> 20
+        "Compacted the database from {} to {}; {} are live",
+        Bytes(before_bytes),
+        Bytes(after_bytes),
+        Bytes(live_bytes)
     );
 }

@@ -1,6 +1,6 @@
 // Server-sent events over fetch, because EventSource cannot send a header.
 import { ask, ProblemError } from "./http";
-import { heard, NO_LINE, type Line } from "./pulse";
+import { closed, heard, type Line, opened } from "./pulse";
 
 /** Two missed keep-alives: the stream is broken, even if the network has not noticed. */
 const BROKEN_MS = 32_000;
@@ -16,21 +16,23 @@ export async function follow(
   path: string,
   signal: AbortSignal,
   onEvent: (event: StreamEvent) => boolean | void,
-  onLine: (line: Line) => void = () => {},
+  onOpen: () => void = () => {},
 ): Promise<void> {
   for (let attempt = 0; !signal.aborted; attempt += 1) {
     const silent = new AbortController();
     let watchdog = setTimeout(() => silent.abort(), BROKEN_MS);
+    let line: Line | undefined;
     const onBytes = () => {
       clearTimeout(watchdog);
       watchdog = setTimeout(() => silent.abort(), BROKEN_MS);
       heard();
-      onLine({ open: true, heardAt: Date.now() });
+      if (line) line.heardAt = Date.now();
     };
     try {
       const either = AbortSignal.any([signal, silent.signal]);
       const response = await ask(path, { signal: either, headers: { accept: "text/event-stream" } });
-      onBytes();
+      line = opened();
+      onOpen();
       attempt = 0;
       if (await read(response, onEvent, onBytes)) return;
     } catch (error) {
@@ -38,8 +40,8 @@ export async function follow(
       if (error instanceof ProblemError && [401, 403, 404, 422].includes(error.status)) throw error;
     } finally {
       clearTimeout(watchdog);
+      if (line) closed(line);
     }
-    onLine(NO_LINE);
     await pause(Math.min(5000, 500 * 2 ** attempt), signal);
   }
 }

@@ -1,6 +1,6 @@
 // Requests to the server: the key goes in a header, never in a URL; problems become errors.
 import { signal } from "@preact/signals";
-import { heard } from "./pulse";
+import { asking, heard, missed } from "./pulse";
 import type { Page, Problem } from "./types";
 
 const STORED_KEY = "palpate.key";
@@ -43,6 +43,8 @@ export async function ask(path: string, init: RequestInit = {}, timeoutMs = time
   const sent = apiKey.value;
   const late = new AbortController();
   const timer = setTimeout(() => late.abort(), timeoutMs);
+  const begun = Date.now();
+  const answered = asking();
   let response: Response;
   try {
     response = await fetch(path, {
@@ -52,14 +54,32 @@ export async function ask(path: string, init: RequestInit = {}, timeoutMs = time
     });
   } catch (error) {
     if (init.signal?.aborted) throw error;
-    throw new ProblemError(late.signal.aborted ? tooLate(path, timeoutMs) : unreachable(path));
+    if (late.signal.aborted) throw new ProblemError(tooLate(path, timeoutMs));
+    missed(begun);
+    throw new ProblemError(unreachable(path));
   } finally {
     clearTimeout(timer);
+    answered();
   }
-  if (!isGateway(response.status)) heard();
-  if (response.ok) return response;
+  if (isOurs(response)) heard();
+  else missed(begun);
+  if (response.ok) return readable(response, path, init.signal);
   if (response.status === 401 && sent === apiKey.value) keyWanted.value = true;
   throw new ProblemError(await problemOf(response, path));
+}
+
+/** An answer whose body fails as one that never began, if the server goes while it is read. */
+function readable(response: Response, path: string, signal: AbortSignal | null | undefined): Response {
+  for (const how of ["json", "text", "blob", "arrayBuffer"] as const) {
+    const read = response[how].bind(response) as () => Promise<never>;
+    const begun = Date.now();
+    response[how] = () => read().catch((error: unknown) => {
+      if (signal?.aborted || error instanceof SyntaxError) throw error;
+      missed(begun);
+      throw new ProblemError(unreachable(path));
+    });
+  }
+  return response;
 }
 
 /** Gets JSON; the whole answer must arrive in time. */
@@ -114,6 +134,11 @@ async function problemOf(response: Response, path: string): Promise<Problem> {
   return { ...unreachable(path), status: response.status, title: `The server answered ${response.status}` };
 }
 
+/** Whether the server itself answered, and not a proxy before it that says that it is away. */
+function isOurs(response: Response): boolean {
+  return !isGateway(response.status) || (response.headers.get("content-type") ?? "").startsWith("application/problem+json");
+}
+
 /** Statuses by which a proxy says that the server behind it is away. */
 function isGateway(status: number): boolean {
   return status >= 502 && status <= 504;
@@ -121,7 +146,12 @@ function isGateway(status: number): boolean {
 
 /** Whether the same request may succeed later: nothing answered, or the server was not ready. */
 export function isPassing(problem: Problem): boolean {
-  return (problem.type === UNREACHABLE && problem.status === 0) || isGateway(problem.status);
+  return isUnanswered(problem) || isGateway(problem.status);
+}
+
+/** Whether nothing answered at all, which the page says once and not for each request. */
+export function isUnanswered(problem: Problem): boolean {
+  return problem.type === UNREACHABLE && problem.status === 0;
 }
 
 function timeoutOf(init: RequestInit): number {

@@ -10,6 +10,8 @@ export const RETRY_MS = 3000;
 export interface Resource<T> {
   data: T | undefined;
   problem: Problem | undefined;
+  /** When the data arrived, by this browser's clock. */
+  at: number;
   loading: boolean;
   reload: () => void;
 }
@@ -20,8 +22,10 @@ export function useResource<T>(
   key: string | null,
   load: (signal: AbortSignal) => Promise<T>,
   everyMs?: number,
+  /** Data of another key of the same family stay until the new ones are there. */
+  family: string | null = key,
 ): Resource<T> {
-  const [state, setState] = useState<{ key: string | null; data?: T; problem?: Problem }>({ key });
+  const [state, setState] = useState<{ key: string | null; at: number; data?: T; problem?: Problem }>({ key: family, at: 0 });
   const [loading, setLoading] = useState(key !== null);
   const [turn, setTurn] = useState(0);
   const isBusy = useRef(false);
@@ -38,7 +42,7 @@ export function useResource<T>(
       (data) => {
         if (abort.signal.aborted) return;
         isBusy.current = false;
-        setState({ key, data });
+        setState({ key: family, at: Date.now(), data });
         setLoading(false);
       },
       (error: unknown) => {
@@ -46,7 +50,7 @@ export function useResource<T>(
         isBusy.current = false;
         const problem = problemFrom(error);
         if (isPassing(problem)) retry = setTimeout(() => setTurn((n) => n + 1), RETRY_MS);
-        setState((before) => ({ key, data: before.key === key ? before.data : undefined, problem }) as typeof before);
+        setState((before) => ({ key: family, at: before.at, data: before.key === family ? before.data : undefined, problem }) as typeof before);
         setLoading(false);
       },
     );
@@ -54,7 +58,7 @@ export function useResource<T>(
       clearTimeout(retry);
       abort.abort();
     };
-  }, [key, turn, secret]);
+  }, [key, family, turn, secret]);
   useEffect(() => {
     if (everyMs === undefined || key === null) return;
     const timer = setInterval(() => {
@@ -63,10 +67,11 @@ export function useResource<T>(
     return () => clearInterval(timer);
   }, [everyMs, key]);
   const reload = useCallback(() => setTurn((n) => n + 1), []);
-  const isCurrent = state.key === key;
+  const isCurrent = state.key === family;
   return {
     data: isCurrent ? state.data : undefined,
     problem: isCurrent ? state.problem : undefined,
+    at: state.at,
     loading,
     reload,
   };

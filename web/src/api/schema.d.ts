@@ -1002,7 +1002,8 @@ export interface paths {
         /**
          * Get a small picture of an object
          * @description A picture of 256 × 256 pixels of the object's mesh on a transparent ground, made when the mesh
-         *     was uploaded. 404 if the object has no mesh.
+         *     was uploaded. Its text `size_m` states the mesh's extent along x, y and z in metres. 404 if the
+         *     object has no mesh.
          */
         get: operations["get_thumbnail"];
         put?: never;
@@ -6045,6 +6046,11 @@ export interface components {
             live_bytes: number;
             /**
              * Format: int64
+             * @description Number of stored readings of sessions and of objects in training, retracted ones included.
+             */
+            n_readings?: number;
+            /**
+             * Format: int64
              * @description Quota of stored bytes per key; null if there is none.
              */
             quota_bytes?: number | null;
@@ -7024,12 +7030,12 @@ export interface operations {
                      * @example {
                      *       "checks": [
                      *         {
-                     *           "detail": "0 MB, 0 MB live",
+                     *           "detail": "11.2 kB, 9.48 kB live",
                      *           "name": "store",
                      *           "passed": true
                      *         },
                      *         {
-                     *           "detail": "258 places are free",
+                     *           "detail": "258 more requests can compute",
                      *           "name": "compute",
                      *           "passed": true
                      *         },
@@ -14672,6 +14678,11 @@ export interface operations {
                 cursor?: string;
                 /** @description Only sessions that need attention. Default: false. */
                 needed?: boolean;
+                /**
+                 * @description Only sessions whose id, robots, catalogue, method, labels or likeliest answer contain each
+                 *     of these words, in any case. At most 200 characters.
+                 */
+                search?: string;
                 /** @description Whether sessions have their `trace`. Default: false. */
                 trace?: boolean;
             };
@@ -25875,7 +25886,10 @@ export interface operations {
                 catalogue?: string;
                 /** @description Only sessions of this method. */
                 method?: "surface" | "sva" | "sva_literal" | "geometric" | "geometric_histogram" | "geometric_particles" | "appearance" | "appearance_literal";
-                /** @description Only sessions of this robot: one of `touched_by`. */
+                /**
+                 * @description Only sessions of this robot: one of `touched_by`. A name, or the beginning of names followed
+                 *     by `*`.
+                 */
                 robot?: string;
                 /**
                  * @description Only sessions whose true object, or without a truth the likeliest answer of `latest`, has this
@@ -32374,8 +32388,9 @@ export interface operations {
                      *         }
                      *       ],
                      *       "live_bytes": 3626911,
+                     *       "n_readings": 24,
                      *       "quota_bytes": 10000000000,
-                     *       "reserve_bytes": 67108864,
+                     *       "reserve_bytes": 64000000,
                      *       "stored_bytes": 8388670
                      *     }
                      */

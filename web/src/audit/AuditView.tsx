@@ -1,46 +1,36 @@
 // The audit log: who changed what, and who was refused.
-import { useEffect, useState } from "preact/hooks";
-import { getJson } from "../api/http";
-import { useResource } from "../api/resource";
-import type { AuditEntry, Page } from "../api/types";
+import { usePages } from "../api/pages";
+import type { AuditEntry } from "../api/types";
 import { plural, when } from "../format";
-import { Empty, ProblemNote, Show } from "../parts/Notes";
+import { Filters } from "../parts/Filters";
+import { Empty, Show } from "../parts/Notes";
 import { Badge, Panel, ViewHead } from "../parts/Panel";
 import { SearchField } from "../parts/SearchField";
 import { Table } from "../parts/Table";
-import { useAction } from "../parts/useAction";
+import { choose, useChoice } from "../router";
 
 const PAGE = 100;
 
 export function AuditView() {
-  const [key, setKey] = useState("");
-  const [operation, setOperation] = useState("");
-  const [ring, setRing] = useState("");
-  const [further, setFurther] = useState<{ path: string; items: AuditEntry[]; next: string | undefined }>();
-  const action = useAction();
+  const [key, setKey] = useChoice("key");
+  const [operation, setOperation] = useChoice("operation");
+  const [ring, setRing] = useChoice("ring");
   const query = new URLSearchParams({ limit: String(PAGE) });
   if (key.trim()) query.set("key", key.trim());
   if (operation.trim()) query.set("operation", operation.trim());
   if (ring) query.set("ring", ring);
-  const path = `/v1/audit?${query}`;
-  const first = useResource(path, (signal) => getJson<Page<AuditEntry>>(path, signal));
-  useEffect(() => setFurther(undefined), [path]);
-  const more = further?.path === path ? further : undefined;
-  const next = more ? more.next : (first.data?.next_cursor ?? undefined);
-  const entries = [...(first.data?.items ?? []), ...(more?.items ?? [])];
-  const showMore = () =>
-    action.run(async () => {
-      const page = await getJson<Page<AuditEntry>>(`${path}&cursor=${encodeURIComponent(next ?? "")}`);
-      setFurther({ path, items: [...(more?.items ?? []), ...page.items], next: page.next_cursor ?? undefined });
-    });
+  const list = usePages<AuditEntry>(`/v1/audit?${query}`, (entry) => entry.seq);
+  const entries = list.data?.items ?? [];
+  const hasMore = list.data?.hasMore ?? false;
+  const nSet = [key, operation, ring].filter((value) => value !== "").length;
   return (
     <>
       <ViewHead title="Audit" sub="Every change and every refusal, newest first">
-        <button type="button" onClick={first.reload}>Reload</button>
+        <button type="button" onClick={list.reload}>Reload</button>
       </ViewHead>
-      <form class="panel filters" aria-label="Filters" onSubmit={(event) => event.preventDefault()}>
-        <SearchField id="audit-key" label="Key (name or id)" value={key} onSearch={setKey} />
-        <SearchField id="audit-operation" label="Operation" value={operation} placeholder="delete_object" onSearch={setOperation} />
+      <Filters nSet={nSet} onClear={() => choose({ key: "", operation: "", ring: "", pages: "" })}>
+        <SearchField id="audit-key" label="Key (name or id)" isWhole value={key} onSearch={setKey} />
+        <SearchField id="audit-operation" label="Operation" isWhole value={operation} placeholder="delete_object" onSearch={setOperation} />
         <div class="field">
           <label for="audit-ring">What happened</label>
           <select id="audit-ring" value={ring} onChange={(event) => setRing(event.currentTarget.value)}>
@@ -50,18 +40,17 @@ export function AuditView() {
             <option value="strangers">refused without a key</option>
           </select>
         </div>
-      </form>
-      {action.problem && <ProblemNote problem={action.problem} />}
-      <Show of={first} what="the audit log" lines={8}>
+      </Filters>
+      <Show of={list} what="the audit log" lines={8}>
         {() =>
-          entries.length === 0 && next === undefined ? (
+          entries.length === 0 && !hasMore ? (
             <Empty title="No entry fits" />
           ) : (
-            <Panel title="Entries" aside={plural(entries.length, "entry", "entries") + (next === undefined ? "" : " and more")}>
+            <Panel title="Entries" aside={plural(entries.length, "entry", "entries") + (hasMore ? " and more" : "")}>
               <Table label="Audit log" columns={["When", "Who", "Operation", "On", "Outcome", "From"]}>
                 {entries.map((entry) => <Row key={entry.seq} entry={entry} />)}
               </Table>
-              {next !== undefined && <p class="more"><button type="button" class="small" disabled={action.busy} onClick={showMore}>Show more</button></p>}
+              {hasMore && <p class="more"><button type="button" class="small" onClick={list.showMore}>Show more</button></p>}
             </Panel>
           )
         }
@@ -79,7 +68,7 @@ function Row({ entry }: { entry: AuditEntry }) {
       <td>{entry.key_name ?? entry.key_id ?? "without a key"}{entry.role && <span class="faint"> {entry.role}</span>}</td>
       <td><code>{entry.operation}</code></td>
       <td><code>{entry.resource}</code></td>
-      <td><Badge kind={kind}>{status ?? "unknown"}</Badge>{entry.n_left_out > 0 && <span class="faint"> after {entry.n_left_out} more</span>}</td>
+      <td><Badge kind={kind} isPast>{status ?? "unknown"}</Badge>{entry.n_left_out > 0 && <span class="faint"> after {entry.n_left_out} more</span>}</td>
       <td><span title={`request ${entry.request_id}`}>{entry.address}</span></td>
     </tr>
   );

@@ -51,7 +51,7 @@ export function FleetActions(props: { chosen: string[]; needed: string[]; onSele
           </>
         )}
         {mayClose && (
-          <button type="button" class="small danger" disabled={idle} onClick={() => send("closings")}>
+          <button type="button" class="small danger" disabled={idle} onClick={() => confirm(`Close ${plural(chosen.length, "session")}? A closed session takes no more readings.`) && send("closings")}>
             Close
           </button>
         )}

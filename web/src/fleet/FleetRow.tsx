@@ -1,4 +1,5 @@
 // Row of an open session: likeliest answer, robots and state. A sure session takes one line.
+import { silentSince } from "../api/pulse";
 import { answerOf, titleOf } from "../belief";
 import { objectColor } from "../colors";
 import { age, bits, now, plural, shortId } from "../format";
@@ -6,6 +7,7 @@ import { Badge } from "../parts/Panel";
 import { ProbabilityBars, shares } from "../parts/ProbabilityBars";
 import { Sparkline } from "../parts/Sparkline";
 import { link } from "../router";
+import { methodWords } from "../words";
 import type { Watched } from "./watch";
 
 export function FleetRow(props: {
@@ -44,7 +46,7 @@ export function FleetRow(props: {
           {titleOf(answer, robots)}
         </a>
         <span class="faint">
-          {session.method.replaceAll("_", " ")} · <code>{shortId(session.id)}</code> · {plural(nReadings, "reading")}
+          {methodWords(session.method)} · <code>{shortId(session.id)}</code> · {plural(nReadings, "reading")}
         </span>
       </div>
       <div class="fleet-bars">
@@ -67,7 +69,7 @@ export function FleetRow(props: {
       <div class="fleet-state">
         <Badge kind={isSeen ? "seen" : level}>{isSeen ? `${level}, ${muted_until ? "muted" : "seen"}` : level}</Badge>
         <span class="faint">
-          {level === "sure" ? "" : reason}
+          {level === "sure" || silentSince.value !== undefined ? "" : reason}
           {is_needed && ` · ${age(Math.max(0, now.value - watched.since))} ago`}
         </span>
       </div>

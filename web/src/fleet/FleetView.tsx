@@ -1,24 +1,26 @@
 // The fleet: open sessions, those that need attention first.
 import { useEffect, useRef, useState } from "preact/hooks";
 import { announce } from "../announce";
-import { NO_LINE } from "../api/pulse";
+import { silentSince } from "../api/pulse";
 import { percent, plural } from "../format";
 import { TouchCommands } from "../parts/Commands";
 import { Empty, Loading, ProblemNote } from "../parts/Notes";
 import { Live } from "../parts/Live";
 import { ViewHead } from "../parts/Panel";
+import { SearchField } from "../parts/SearchField";
+import { choose, useChoice } from "../router";
 import { FleetActions } from "./FleetActions";
 import { FleetRow } from "./FleetRow";
 import { canNotify, notifying, toggleNotifying, useNotifications } from "./notify";
-import { fleet, pages, relist, watchFleet } from "./watch";
+import { chosen as wanted, fleet, watchFleet } from "./watch";
 import type { Watched } from "./watch";
 
 export function FleetView() {
   useEffect(() => watchFleet(), []);
   const [selected, setSelected] = useState<ReadonlySet<string>>(new Set());
-  const { sessions, nOpen, nNeeded, more, loaded, line, problem } = fleet.value;
+  const [search, setSearch] = useChoice("search");
+  const { sessions, nOpen, nNeeded, more, loaded, problem } = fleet.value;
   useAnnouncements(sessions);
-  useTitle(nNeeded, loaded);
   useNotifications(sessions);
   const chosen = sessions.map((one) => one.info.session.id).filter((id) => selected.has(id));
   const select = (id: string, isSelected: boolean) => {
@@ -32,25 +34,29 @@ export function FleetView() {
     <>
       <ViewHead
         title="Fleet"
-        sub={
-          loaded && !problem
-            ? `${plural(nOpen, "open session")}${nNeeded > 0 ? `, ${nNeeded} ${nNeeded === 1 ? "needs" : "need"} attention` : ""}`
-            : "Open sessions, live"
-        }
+        tab={nNeeded > 0 ? `(${nNeeded}) ` : ""}
+        sub={loaded ? `${plural(nOpen, "open session")}${nNeeded > 0 ? `, ${nNeeded} ${nNeeded === 1 ? "needs" : "need"} attention` : ""}` : "Open sessions"}
       >
         {canNotify && (
           <button type="button" aria-pressed={notifying.value} onClick={() => void toggleNotifying()}>
             Notify me
           </button>
         )}
-        <Live line={sessions.length > 0 ? line : NO_LINE} idle={sessions.length > 0 ? "connecting" : "listening"} />
+        <Live idle={sessions.length > 0 ? "connecting" : "listening"} />
       </ViewHead>
       {problem && <ProblemNote problem={problem} />}
       {!loaded && <Loading what="the fleet" lines={6} />}
-      {loaded && !problem && sessions.length === 0 && <NoSessions />}
-      {loaded && sessions.length > 0 && (
-        <>
+      {loaded && (nOpen > 0 || search !== "") && (
+        <div class="fleet-bar">
           <FleetActions chosen={chosen} needed={needed} onSelect={(ids) => setSelected(new Set(ids))} />
+          <SearchField id="fleet-search" label="Search" value={search} placeholder="robot, object, label, catalogue or id" onSearch={setSearch} />
+        </div>
+      )}
+      {loaded && !problem && sessions.length === 0 && (search === "" ? <NoSessions /> : (
+        <Empty title="No open session fits"><button type="button" onClick={() => setSearch("")}>Show all</button></Empty>
+      ))}
+      {loaded && sessions.length > 0 && (
+        <div class={problem && silentSince.value === undefined ? "old" : ""}>
           <div class="fleet-head" aria-hidden="true">
             <span />
             <span>Believed — robot</span>
@@ -71,28 +77,20 @@ export function FleetView() {
           </ul>
           {more && (
             <p class="faint">
-              {sessions.length} of {nOpen} open sessions are shown.{" "}
+              {sessions.length} of {search === "" ? nOpen : "more"} open sessions are shown.{" "}
               <button type="button" class="small" onClick={showMore}>
                 Show more
               </button>
             </p>
           )}
-        </>
+        </div>
       )}
     </>
   );
 }
 
 function showMore(): void {
-  pages.value += 1;
-  void relist();
-}
-
-/** Shows in the tab's title how many sessions need attention. */
-function useTitle(nNeeded: number, loaded: boolean): void {
-  useEffect(() => {
-    document.title = `${nNeeded > 0 ? `(${nNeeded}) ` : ""}Fleet · Palpate`;
-  }, [nNeeded, loaded]);
+  choose({ pages: String(wanted().pages + 1) });
 }
 
 function NoSessions() {

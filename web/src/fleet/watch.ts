@@ -1,11 +1,11 @@
 // State of the open sessions: listed every few seconds in the server's order, those that need
 // attention first, and followed by one event stream.
-import { signal } from "@preact/signals";
+import { effect, signal, untracked } from "@preact/signals";
 import { follow } from "../api/events";
 import { getJson } from "../api/http";
-import { NO_LINE, type Line } from "../api/pulse";
 import { problemFrom } from "../api/resource";
 import type { Belief, Fleet, FleetSession, Problem, SessionEvent, TracePoint as Point } from "../api/types";
+import { query } from "../router";
 
 /** State of an open session. */
 export interface Watched {
@@ -34,7 +34,6 @@ export interface FleetState {
   nNeeded: number;
   more: boolean;
   loaded: boolean;
-  line: Line;
   problem: Problem | undefined;
 }
 
@@ -45,8 +44,10 @@ const SETTLE_MS = 500;
 /** Number of sessions of a page, and of those whose beliefs one stream of events follows. */
 const PAGE = 100;
 
-/** Number of pages shown. */
-export const pages = signal(1);
+/** The search and the number of pages, from the address. */
+export function chosen(): { search: string; pages: number } {
+  return { search: (query.value.get("search") ?? "").trim(), pages: Math.max(1, Number(query.value.get("pages")) || 1) };
+}
 
 export const fleet = signal<FleetState>({
   sessions: [],
@@ -54,7 +55,6 @@ export const fleet = signal<FleetState>({
   nNeeded: 0,
   more: false,
   loaded: false,
-  line: NO_LINE,
   problem: undefined,
 });
 
@@ -76,6 +76,7 @@ export function watchFleet(): () => void {
   const list = async () => {
     if (isListing) return;
     isListing = true;
+    const asked = JSON.stringify(chosen());
     try {
       let found = await everyPage(whole.signal, !fleet.value.loaded);
       // Sessions that are new here come with their past.
@@ -84,9 +85,10 @@ export function watchFleet(): () => void {
       const ids = found.sessions.slice(0, PAGE).map((one) => one.session.id).sort();
       if (ids.join() !== followed) restart(ids);
     } catch (error) {
-      if (!whole.signal.aborted) fleet.value = { ...fleet.value, loaded: true, problem: problemFrom(error) };
+      if (!whole.signal.aborted) fleet.value = { ...fleet.value, problem: problemFrom(error) };
     } finally {
       isListing = false;
+      if (!whole.signal.aborted && asked !== JSON.stringify(chosen())) void list();
     }
   };
 
@@ -103,22 +105,24 @@ export function watchFleet(): () => void {
         void list();
       }, SETTLE_MS);
     };
-    follow(path, stream.signal, (event) => told(JSON.parse(event.data) as SessionEvent), (line) => {
-      fleet.value = { ...fleet.value, line };
-    }).catch(() => {
+    follow(path, stream.signal, (event) => told(JSON.parse(event.data) as SessionEvent)).catch(() => {
       // The session is gone; the next list omits it.
       followed = "";
-      fleet.value = { ...fleet.value, line: NO_LINE };
     });
   };
 
-  fleet.value = { ...fleet.value, loaded: false, line: NO_LINE };
+  fleet.value = { ...fleet.value, loaded: false };
   listNow = list;
-  void list();
+  // At once, and when another search or number of pages is chosen.
+  const stopListing = effect(() => {
+    chosen();
+    untracked(() => void list());
+  });
   const timer = setInterval(() => {
     if (!document.hidden) void list();
   }, LIST_EVERY_MS);
   return () => {
+    stopListing();
     clearInterval(timer);
     clearTimeout(settling);
     listNow = async () => {};
@@ -129,10 +133,11 @@ export function watchFleet(): () => void {
 
 /** The first pages of the fleet as one. */
 async function everyPage(signal: AbortSignal, withTrace: boolean): Promise<Fleet> {
-  const get = (cursor: string) =>
-    getJson<Fleet>(`/v1/fleet?limit=${PAGE}&trace=${withTrace}${cursor}`, signal, LIST_TIMEOUT_MS);
+  const { search, pages } = chosen();
+  const asked = `/v1/fleet?limit=${PAGE}&trace=${withTrace}${search === "" ? "" : `&search=${encodeURIComponent(search)}`}`;
+  const get = (cursor: string) => getJson<Fleet>(`${asked}${cursor}`, signal, LIST_TIMEOUT_MS);
   const found = await get("");
-  for (let page = 1; page < pages.value && found.next_cursor; page++) {
+  for (let page = 1; page < pages && found.next_cursor; page++) {
     const next = await get(`&cursor=${encodeURIComponent(found.next_cursor)}`);
     const known = new Set(found.sessions.map((one) => one.session.id));
     found.sessions.push(...next.sessions.filter((one) => !known.has(one.session.id)));

@@ -1,6 +1,6 @@
 // What a cell has to forward to the central service, and the state of the line.
 import type { Forwarding } from "../api/types";
-import { count } from "../format";
+import { count, when } from "../format";
 import { Badge, Panel } from "../parts/Panel";
 
 export function ForwardingPanel({ state }: { state: Forwarding }) {
@@ -14,11 +14,11 @@ export function ForwardingPanel({ state }: { state: Forwarding }) {
     <Panel title={`Cell ${state.cell ?? ""}`} class="panel-forwarding">
       <p>
         <Badge kind={isDown ? "bad" : "good"}>{isDown ? "line down" : "line up"}</Badge> {state.to}
-        {isDown && ` since ${state.down_since}: ${state.last_error ?? ""}`}
+        {isDown && ` since ${when(state.down_since)}: ${state.last_error ?? ""}`}
       </p>
       <p>
         {count(state.sessions_waiting)} sessions with {count(state.entries_waiting)} readings and retractions wait
-        {state.oldest_waiting_since != null && `, the oldest since ${state.oldest_waiting_since}`}
+        {state.oldest_waiting_since != null && `, the oldest since ${when(state.oldest_waiting_since)}`}
         {state.sessions_refused > 0 && `; the central service refused ${count(state.sessions_refused)}`}.
       </p>
       {problems.length > 0 && (

@@ -1,12 +1,19 @@
-// Stored bytes: the largest things, and the bytes of each key.
+// What is stored, by the store itself: readings and bytes, the largest things, and the bytes of each key.
 import type { Storage } from "../api/types";
-import { bytes } from "../format";
+import { bytes, count } from "../format";
 
 export function StorageTables({ storage }: { storage: Storage }) {
-  const quota = storage.quota_bytes == null ? "no quota" : `quota per key ${bytes(storage.quota_bytes)}`;
+  const stats: [string, string][] = [
+    ["readings stored", count(storage.n_readings ?? 0)],
+    ["on the disk", bytes(storage.stored_bytes)],
+    ["of these in use, the rest a compaction frees", bytes(storage.live_bytes)],
+    ["free on the disk", storage.free_bytes == null ? "unknown" : bytes(storage.free_bytes)],
+    ["stay free", bytes(storage.reserve_bytes)],
+    ["quota of each key", storage.quota_bytes == null ? "none" : bytes(storage.quota_bytes)],
+  ];
   return (
-    <>
-      <p class="faint">{bytes(storage.live_bytes)} live, {bytes(storage.stored_bytes)} on the disk, {quota}</p>
+    <div class="stack">
+      <Stats of={stats} />
       <div class="grid grid-2">
         <Table
           head="Largest"
@@ -19,7 +26,21 @@ export function StorageTables({ storage }: { storage: Storage }) {
           empty="No bytes by key."
         />
       </div>
-    </>
+    </div>
+  );
+}
+
+/** Large figures, each with its name. */
+export function Stats({ of: stats }: { of: [string, string][] }) {
+  return (
+    <dl class="stats">
+      {stats.map(([name, value]) => (
+        <div key={name} class="stat stat-turned">
+          <dt class="faint">{name}</dt>
+          <dd><b>{value}</b></dd>
+        </div>
+      ))}
+    </dl>
   );
 }
 
@@ -27,7 +48,7 @@ function Table({ head, rows, empty }: { head: string; rows: [string, number][]; 
   if (rows.length === 0) return <p class="faint">{empty}</p>;
   return (
     <table>
-      <thead><tr><th scope="col">{head}</th><th scope="col" class="num">Bytes</th></tr></thead>
+      <thead><tr><th scope="col">{head}</th><th scope="col" class="num">Size</th></tr></thead>
       <tbody>
         {rows.map(([name, held]) => (
           <tr key={name}><th scope="row">{name}</th><td class="num">{bytes(held)}</td></tr>

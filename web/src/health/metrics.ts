@@ -22,9 +22,14 @@ export function total(samples: Sample[], name: string, labels: (labels: Record<s
 }
 
 /** Upper bound of the bucket that holds a quantile of the requests, in seconds. */
-export function quantile(samples: Sample[], name: string, share: number): number | undefined {
+export function quantile(
+  samples: Sample[],
+  name: string,
+  share: number,
+  labels: (labels: Record<string, string>) => boolean = () => true,
+): number | undefined {
   const buckets = new Map<number, number>();
-  for (const one of samples.filter((sample) => sample.name === `${name}_bucket`)) {
+  for (const one of samples.filter((sample) => sample.name === `${name}_bucket` && labels(sample.labels))) {
     const end = one.labels.le === "+Inf" ? Infinity : Number(one.labels.le);
     buckets.set(end, (buckets.get(end) ?? 0) + one.value);
   }

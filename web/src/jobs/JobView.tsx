@@ -13,9 +13,12 @@ import { ShadowPanels } from "./ShadowReport";
 export function JobView({ id }: { id: string }) {
   const job = useResource(`job ${id}`, (signal) => getJson<Job>(`/v1/jobs/${encodeURIComponent(id)}`, signal));
   return (
-    <Show of={job} what="the job" lines={6}>
-      {(found) => <Shown job={found} onEnd={job.reload} />}
-    </Show>
+    <>
+      {!job.data && <ViewHead title="Job" sub={<a href={link("jobs")}>All jobs</a>} />}
+      <Show of={job} what="the job" lines={6}>
+        {(found) => <Shown job={found} onEnd={job.reload} />}
+      </Show>
+    </>
   );
 }
 
@@ -25,7 +28,7 @@ function Shown({ job: found, onEnd }: { job: Job; onEnd: () => void }) {
   return (
     <>
       <ViewHead title={jobTitle(job)} sub={<><a href={link("jobs")}>All jobs</a> · requested {when(job.created_at)}</>}>
-        <Badge kind={job.state}>{job.state}</Badge>
+        <Badge kind={job.state} isPast={isFinal(job)}>{job.state}</Badge>
       </ViewHead>
       {!isFinal(job) && <Panel title="Progress"><Progress job={job} /></Panel>}
       {job.reason && <p class="note note-warn">{job.reason}</p>}

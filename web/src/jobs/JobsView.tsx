@@ -50,7 +50,7 @@ function Running({ job: started, onEnd }: { job: Job; onEnd: () => void }) {
       title={jobTitle(job)}
       aside={
         may("trainer", "admin") && (
-          <button type="button" class="small" disabled={action.busy} onClick={() => action.run(async () => void (await sendJson("POST", `/v1/jobs/${job.id}/cancel`)))}>
+          <button type="button" class="small" disabled={action.busy} onClick={() => confirm(`Cancel: ${jobTitle(job)}? What it has done is lost.`) && action.run(async () => void (await sendJson("POST", `/v1/jobs/${job.id}/cancel`)))}>
             Cancel
           </button>
         )
@@ -73,7 +73,7 @@ function Ended({ jobs }: { jobs: Job[] }) {
             <td>
               {typeof job.version === "number" ? <a href={link("models", job.catalogue, job.version)}>Version {job.version}</a> : "–"}
             </td>
-            <td><Badge kind={job.state}>{job.state}</Badge></td>
+            <td><Badge kind={job.state} isPast>{job.state}</Badge></td>
             <td class="num">{job.started_at && job.finished_at ? duration((Date.parse(job.finished_at) - Date.parse(job.started_at)) / 1000) : "–"}</td>
             <td>{job.reason ?? ""}</td>
           </tr>

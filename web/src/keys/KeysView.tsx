@@ -31,7 +31,7 @@ export function KeysView() {
     keys.reload();
   };
   const rotate = (key: ApiKey) =>
-    action.run(async () => done(await sendJson<NewApiKey>("POST", `/v1/keys/${key.id}/rotate`, { grace_s: 3600 })));
+    confirm(`Give ${key.name} a new secret? The present one is valid for another hour.`) && action.run(async () => done(await sendJson<NewApiKey>("POST", `/v1/keys/${key.id}/rotate`, { grace_s: 3600 })));
   const revoke = (key: ApiKey) => {
     if (!confirm(`Revoke ${key.name}? Its requests will be refused at once.`)) return;
     action.run(async () => {

@@ -71,7 +71,7 @@ function Versions({ catalogue, reload }: { catalogue: Catalogue; reload: () => v
           found.length === 0 ? (
             <p class="faint">No version yet.</p>
           ) : (
-            <Table label={`Versions of ${catalogue.name}`} columns={["Version", "Trained", "Objects", "Parts", ["Actions", "hidden"]]}>
+            <Table label={`Versions of ${catalogue.name}`} columns={["Version", "Trained", "Objects", "Methods learnt", ["Actions", "hidden"]]}>
               {[...found].reverse().map((version) => (
                 <Row key={version.version} version={version} current={catalogue.current?.version} aliases={aliasesOf(catalogue, version.version)} busy={action.busy} use={use} compare={compare} nameIt={nameIt} />
               ))}
@@ -98,9 +98,9 @@ function Row({ version, current, aliases, busy, use, compare, nameIt }: RowProps
   const { report } = version;
   const names = report.objects.map((object) => object.name);
   const learnt = [
-    (report.surface_bytes ?? 0) > 0 && "surfaces",
-    report.n_classes > 0 && `pair maps (${report.n_classes} classes)`,
-    report.appearance && `appearance (${report.appearance.n_classes} classes)`,
+    (report.surface_bytes ?? 0) > 0 && "surface matching",
+    report.n_classes > 0 && "pairs of touches",
+    report.appearance && "touch images alone",
     report.objects.some((object) => object.geometric) && "contact maps",
   ].filter(Boolean);
   return (

@@ -3,6 +3,7 @@ import { getJson } from "../api/http";
 import { useResource } from "../api/resource";
 import type { AppearanceReport, CatalogueVersion } from "../api/types";
 import { bytes, count, duration, percent, plural, symmetryWords, when } from "../format";
+import { descriptorWords } from "../words";
 import { Matrix } from "../parts/Matrix";
 import { Show } from "../parts/Notes";
 import { Badge, Facts, Panel, ViewHead } from "../parts/Panel";
@@ -35,18 +36,22 @@ export function VersionView({ catalogue, version }: { catalogue: string; version
 function Summary({ version }: { version: CatalogueVersion }) {
   const { report, training } = version;
   return (
-    <Panel title="Training">
+    <Panel title="How it was trained">
       <Facts
         of={[
           ["Took", duration(report.seconds)],
           ["Objects", count(report.objects.length)],
-          ["Touches per object", training.readings_per_object ? count(training.readings_per_object) : "–"],
-          ["Touches per surface", training.surface_readings_per_object ? count(training.surface_readings_per_object) : "–"],
-          ["Descriptor", training.descriptor ?? "–"],
-          ["Classes", report.n_classes > 0 ? count(report.n_classes) : "none"],
-          ["Pair index", bytes(report.index_bytes)],
-          ["Surfaces", bytes(report.surface_bytes ?? 0)],
-          ["Seed", String(report.seed)],
+          ["Touches per object, for pairs", training.readings_per_object ? count(training.readings_per_object) : "–"],
+          ["Touches per object, for its surface", training.surface_readings_per_object ? count(training.surface_readings_per_object) : "–"],
+          ...(report.n_classes > 0
+            ? ([
+                ["Kinds of touch images told apart", count(report.n_classes)],
+                ["Images are compared", training.descriptor ? descriptorWords(training.descriptor) : "–"],
+                ["Index of pairs of touches", bytes(report.index_bytes)],
+              ] as [string, string][])
+            : []),
+          ["Learnt surfaces", (report.surface_bytes ?? 0) > 0 ? bytes(report.surface_bytes ?? 0) : "none"],
+          ["Seed of the random numbers", String(report.seed)],
         ]}
       />
     </Panel>
@@ -56,7 +61,7 @@ function Summary({ version }: { version: CatalogueVersion }) {
 function Objects({ version }: { version: CatalogueVersion }) {
   return (
     <Panel title="Objects">
-      <Table label="Objects of the version" columns={["Object", ["Touches", "num"], ["Patches", "num"], ["Pairs", "num"], "Symmetry", "Contact map"]}>
+      <Table label="Objects of the version" columns={["Object", ["Touches", "num"], ["Places learnt", "num"], ["Pairs of places", "num"], "Symmetry", "Contact map"]}>
         {version.report.objects.map((object) => (
           <tr key={object.id}>
             <th scope="row"><a href={link("objects", object.id)}>{object.name}</a></th>
@@ -104,8 +109,8 @@ function Report({ report }: { report: AppearanceReport }) {
       <Facts
         of={[
           ["Recognised", percent(report.accuracy)],
-          ["Classes", count(report.n_classes)],
-          ["Feature components", `${report.feature_length}, reduced to ${report.n_components}`],
+          ["Kinds of touch images", count(report.n_classes)],
+          ["Numbers that describe an image", `${report.feature_length}, reduced to ${report.n_components}`],
         ]}
       />
       <div class="grid grid-2 matrices">

@@ -1,7 +1,9 @@
 // The cards of all objects: a search, and of thousands only those near the window as elements.
-import { useLayoutEffect, useRef, useState } from "preact/hooks";
-import type { ObjectInfo } from "../api/types";
+import { useLayoutEffect, useMemo, useRef, useState } from "preact/hooks";
+import type { CatalogueVersion, ObjectInfo } from "../api/types";
 import { count, plural } from "../format";
+import { versionName } from "../models/current";
+import { useChoice } from "../router";
 import { ObjectCard } from "./ObjectCard";
 import { matches, nearWindow, type Near } from "./window";
 
@@ -10,8 +12,9 @@ const SEARCH_FROM = 12;
 /** Cards drawn before their size is known. */
 const FIRST = 24;
 
-export function Gallery({ objects }: { objects: ObjectInfo[] }) {
-  const [search, setSearch] = useState("");
+export function Gallery({ objects, versions }: { objects: ObjectInfo[]; versions: CatalogueVersion[] | undefined }) {
+  const [search, setSearch] = useChoice("search");
+  const known = useMemo(() => versions && namesOf(versions), [versions]);
   const found = objects.filter((object) => matches(textOf(object), search));
   return (
     <>
@@ -22,7 +25,7 @@ export function Gallery({ objects }: { objects: ObjectInfo[] }) {
           <span class="faint" aria-live="polite">{search.trim() !== "" && `${count(found.length)} of ${plural(objects.length, "object")}`}</span>
         </div>
       )}
-      {found.length === 0 ? <p class="faint">No object has such a name or label.</p> : <Cards objects={found} />}
+      {found.length === 0 ? <p class="faint">No object has such a name or label.</p> : <Cards objects={found} known={known} />}
     </>
   );
 }
@@ -32,7 +35,16 @@ function textOf({ name, labels }: ObjectInfo): string {
   return [name, ...Object.entries(labels ?? {}).map(([key, value]) => `${key}=${value}`)].join(" ");
 }
 
-function Cards({ objects }: { objects: ObjectInfo[] }) {
+/** The current versions that know each object, by its id. */
+function namesOf(versions: CatalogueVersion[]): Map<string, string> {
+  const names = new Map<string, string>();
+  for (const version of versions) {
+    for (const { id } of version.report.objects) names.set(id, [names.get(id), versionName(version)].filter(Boolean).join(", "));
+  }
+  return names;
+}
+
+function Cards({ objects, known }: { objects: ObjectInfo[]; known: Map<string, string> | undefined }) {
   const list = useRef<HTMLUListElement>(null);
   const total = objects.length;
   const [near, setNear] = useState<Near>({ from: 0, to: FIRST, abovePx: 0, belowPx: 0 });
@@ -69,7 +81,7 @@ function Cards({ objects }: { objects: ObjectInfo[] }) {
   return (
     <ul class="gallery" ref={list} style={{ paddingTop: `${near.abovePx}px`, paddingBottom: `${near.belowPx}px` }}>
       {objects.slice(near.from, near.to).map((object, index) => (
-        <ObjectCard key={object.id} object={object} place={near.from + index + 1} of={total} />
+        <ObjectCard key={object.id} object={object} known={known && (known.get(object.id) ?? "in no current version")} place={near.from + index + 1} of={total} />
       ))}
     </ul>
   );

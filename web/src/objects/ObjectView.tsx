@@ -1,15 +1,16 @@
 // One object: its mesh, its training touches, and its trained surface.
 import { useMemo, useState } from "preact/hooks";
-import { getAll, getJson, sendJson } from "../api/http";
+import { getJson, sendJson } from "../api/http";
 import { useResource } from "../api/resource";
-import type { Catalogue, CatalogueVersion, InterestMap, MapPatch, ObjectInfo } from "../api/types";
+import type { CatalogueVersion, InterestMap, MapPatch, ObjectInfo } from "../api/types";
 import { objectColor } from "../colors";
 import { bytes, classColor, count, dark, plural, symmetryWords, when } from "../format";
+import { currentVersions, versionName } from "../models/current";
 import { ProblemNote, Show } from "../parts/Notes";
 import { Facts, Panel, ViewHead } from "../parts/Panel";
 import { Table } from "../parts/Table";
 import { useAction } from "../parts/useAction";
-import { go, link } from "../router";
+import { go, link, useChoice } from "../router";
 import { IDENTITY, type Content, type Shape, type SurfacePoint } from "../scene/content";
 import { Stage3D } from "../scene/Stage3D";
 import type { Vector } from "../scene/vectors";
@@ -39,16 +40,16 @@ export function ObjectView({ id }: { id: string }) {
 
 function Found({ object, reload }: { object: ObjectInfo; reload: () => void }) {
   const versions = useResource(`versions of ${object.id}`, (signal) => knowing(object.id, signal));
-  const [chosen, choose] = useState<string>();
-  const version = versions.data?.find((one) => key(one) === chosen) ?? versions.data?.[0];
+  const [chosen, choose] = useChoice("version");
+  const version = versions.data?.find((one) => versionName(one) === chosen) ?? versions.data?.[0];
   const action = useAction();
   return (
     <>
       <ViewHead title={<><span class="dot" style={{ background: objectColor(object.name) }} aria-hidden="true" /> {object.name}</>} sub={object.description || (object.n_readings > 0 ? "Taught by touch" : "Taught by its mesh")}>
         {versions.data && versions.data.length > 1 && (
-          <select aria-label="Version" value={version ? key(version) : ""} onChange={(event) => choose(event.currentTarget.value)}>
+          <select aria-label="Version" value={version ? versionName(version) : ""} onChange={(event) => choose(event.currentTarget.value)}>
             {versions.data.map((one) => (
-              <option key={key(one)} value={key(one)}>{key(one)}</option>
+              <option key={versionName(one)} value={versionName(one)}>{versionName(one)}</option>
             ))}
           </select>
         )}
@@ -75,7 +76,7 @@ function Found({ object, reload }: { object: ObjectInfo; reload: () => void }) {
         <SurfacePanel object={object} version={version} />
         <div class="stack">
           <AboutPanel object={object} version={version} />
-          {version && <OccupancyPanel key={`${key(version)} ${object.id}`} version={version} object={object.id} />}
+          {version && <OccupancyPanel key={`${versionName(version)} ${object.id}`} version={version} object={object.id} />}
           {may("trainer", "admin") && <DropZone into={object} onAdded={reload} />}
         </div>
       </div>
@@ -84,9 +85,10 @@ function Found({ object, reload }: { object: ObjectInfo; reload: () => void }) {
 }
 
 function SurfacePanel({ object, version }: { object: ObjectInfo; version: CatalogueVersion | undefined }) {
-  const [layer, setLayer] = useState<Layer>("touches");
+  const [named, setLayer] = useChoice("layer", "touches");
+  const layer = named in LAYER_WORDS ? (named as Layer) : "touches";
   const [mesh, setMesh] = useState(true);
-  const surface = useResource(`surface of ${object.id} ${object.mesh?.hash} ${version ? key(version) : ""}`, () => surfaceOf(object, version));
+  const surface = useResource(`surface of ${object.id} ${object.mesh?.hash} ${version ? versionName(version) : ""}`, () => surfaceOf(object, version));
   const interestPath = version && `/v1/catalogues/${encodeURIComponent(version.catalogue)}/versions/${version.version}/objects/${object.id}/interest`;
   const canTell = (version?.report.surface_bytes ?? 0) > 0;
   const interest = useResource(interestPath !== undefined && canTell && layer === "interest" ? interestPath : null, (signal) => getJson<InterestMap>(interestPath!, signal));
@@ -159,7 +161,7 @@ function AboutPanel({ object, version }: { object: ObjectInfo; version: Catalogu
           ["Mesh", object.mesh ? `${object.mesh.format.toUpperCase()} in ${object.mesh.unit}, ${bytes(object.mesh.bytes)}` : "none"],
           ["Robot’s touches", count(object.n_readings)],
           ["Added", when(object.created_at)],
-          ["Trained in", version ? <a key="version" href={link("models", version.catalogue, version.version)}>{key(version)}</a> : "no current version"],
+          ["Trained in", version ? <a key="version" href={link("models", version.catalogue, version.version)}>{versionName(version)}</a> : "no current version"],
           ...(trained
             ? ([
                 ["Touches learnt", count(trained.n_readings)],
@@ -199,16 +201,7 @@ function patches({ map, touches }: Surface, layer: Layer): SurfacePoint[] {
   }));
 }
 
-const key = (version: CatalogueVersion) => `${version.catalogue} version ${version.version}`;
-
 /** Current versions that include an object. */
 async function knowing(object: string, signal: AbortSignal): Promise<CatalogueVersion[]> {
-  const catalogues = await getAll<Catalogue>("/v1/catalogues", 100, signal);
-  const current = catalogues.filter((catalogue) => catalogue.current);
-  const versions = await Promise.all(
-    current.map((catalogue) =>
-      getJson<CatalogueVersion>(`/v1/catalogues/${encodeURIComponent(catalogue.name)}/versions/${catalogue.current!.version}`, signal),
-    ),
-  );
-  return versions.filter((version) => version.report.objects.some((one) => one.id === object));
+  return (await currentVersions(signal)).filter((version) => version.report.objects.some((one) => one.id === object));
 }

@@ -2,9 +2,10 @@
 import { useEffect, useState } from "preact/hooks";
 import { getAll, getJson, ProblemError } from "../api/http";
 import { useResource } from "../api/resource";
-import type { AppearanceReport, Catalogue, ObjectInfo } from "../api/types";
+import type { AppearanceReport, CatalogueVersion, ObjectInfo } from "../api/types";
 import { nameColors } from "../colors";
 import { percent, plural } from "../format";
+import { currentVersions, versionName } from "../models/current";
 import { ADD_EXAMPLE, Commands } from "../parts/Commands";
 import { Empty, Show } from "../parts/Notes";
 import { ViewHead } from "../parts/Panel";
@@ -17,14 +18,15 @@ import { TrainingNow } from "./TrainingNow";
 
 export function ObjectsView() {
   const objects = useResource("objects", (signal) => getAll<ObjectInfo>("/v1/objects", 5000, signal));
-  const twins = useResource("twins", nearDuplicates);
+  const current = useResource("current versions", currentVersions);
+  const twins = useResource(current.data ? `twins ${current.data.map(versionName).join()}` : null, (signal) => nearDuplicates(current.data ?? [], signal));
   const [training, setTraining] = useState(false);
   useEffect(() => {
     if (objects.data) nameColors(objects.data);
   }, [objects.data]);
   const reloadAll = () => {
     objects.reload();
-    twins.reload();
+    current.reload();
   };
   const trainable = objects.data?.filter((object) => object.mesh || object.n_readings > 0) ?? [];
   return (
@@ -55,7 +57,7 @@ export function ObjectsView() {
               <Commands lines={ADD_EXAMPLE} roles={["trainer", "admin"]} />
             </Empty>
           ) : (
-            <Gallery objects={found} />
+            <Gallery objects={found} versions={current.data} />
           )
         }
       </Show>
@@ -73,17 +75,14 @@ interface Twins {
 }
 
 /** Near duplicates in the reports of the current versions. */
-async function nearDuplicates(signal: AbortSignal): Promise<Twins[]> {
-  const catalogues = await getAll<Catalogue>("/v1/catalogues", 100, signal);
+async function nearDuplicates(versions: CatalogueVersion[], signal: AbortSignal): Promise<Twins[]> {
   const found: Twins[] = [];
-  for (const { name: catalogue, current } of catalogues) {
-    if (!current) continue;
+  for (const { catalogue, version, report: { appearance } } of versions) {
+    if (!appearance) continue;
     try {
-      const path = `/v1/catalogues/${encodeURIComponent(catalogue)}/versions/${current.version}`;
-      const version = await getJson<{ report: { appearance?: unknown } }>(path, signal);
-      if (!version.report.appearance) continue;
+      const path = `/v1/catalogues/${encodeURIComponent(catalogue)}/versions/${version}`;
       const report = await getJson<AppearanceReport>(`${path}/report/appearance`, signal);
-      found.push(...report.near_duplicates.map((twin) => ({ ...twin, catalogue, version: current.version })));
+      found.push(...report.near_duplicates.map((twin) => ({ ...twin, catalogue, version })));
     } catch (error) {
       // Versions without such a report have no warnings.
       if (!(error instanceof ProblemError) || ![404, 409].includes(error.status)) throw error;

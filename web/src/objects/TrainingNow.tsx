@@ -69,7 +69,7 @@ function OneJob({ started, onDone, onDismiss }: { started: Job; onDone: () => vo
         <div class="training">
           <Progress job={job} />
           {may("trainer", "admin") && (
-            <button type="button" class="small" onClick={() => void sendJson("POST", `/v1/jobs/${job.id}/cancel`).catch(() => undefined)}>
+            <button type="button" class="small" onClick={() => confirm(`Cancel the training of ${job.catalogue}? What it has done is lost.`) && void sendJson("POST", `/v1/jobs/${job.id}/cancel`).catch(() => undefined)}>
               Cancel
             </button>
           )}

@@ -19,8 +19,9 @@ const DRAWN_MIN = 6;
 
 interface Props {
   label: string;
-  /** Label of the x axis and of the table's first column. */
+  /** Labels of both axes with their units; that of x heads the table's first column. */
   xLabel: string;
+  yLabel: string;
   x: number[];
   series: Series[];
   range?: [number, number];
@@ -77,7 +78,9 @@ export function Chart(props: Props) {
   }, [props.at]);
   return (
     <figure class="chart">
+      <p class="axis axis-y" aria-hidden="true">{props.yLabel}</p>
       <div ref={host} class={props.height === LOW ? "chart-plot chart-low" : "chart-plot"} role="img" aria-label={props.label} />
+      <p class="axis axis-x" aria-hidden="true">{props.xLabel}</p>
       {props.legend !== false && <Legend series={props.series} />}
       <ChartTable {...props} />
     </figure>

@@ -1,10 +1,14 @@
 // Placeholders of a view: empty, loading, refused.
 import type { ComponentChildren } from "preact";
+import { isUnanswered } from "../api/http";
+import { silentSince } from "../api/pulse";
 import type { Problem } from "../api/types";
 import type { Resource } from "../api/resource";
+import { clock } from "../format";
 
-/** The server's problem, with invalid fields and a retry button. */
+/** The server's problem, with invalid fields and a retry button; none if the page says already that it is silent. */
 export function ProblemNote({ problem, retry }: { problem: Problem; retry?: () => void }) {
+  if (isUnanswered(problem) && silentSince.value !== undefined) return null;
   const errors = (problem.errors ?? []).filter((error) => error.detail !== problem.detail);
   return (
     <div class="note note-bad" role="alert">
@@ -46,6 +50,7 @@ export function Empty({ title, children }: { title: string; children?: Component
 
 /** Placeholder lines of the final size, so that the layout does not jump. */
 export function Loading({ lines = 3, what }: { lines?: number; what: string }) {
+  if (silentSince.value !== undefined) return <p class="faint">No answer about {what} yet; it comes as soon as the server answers.</p>;
   return (
     <div class="skeleton" role="status">
       <span class="visually-hidden">Loading {what} …</span>
@@ -56,7 +61,7 @@ export function Loading({ lines = 3, what }: { lines?: number; what: string }) {
   );
 }
 
-/** Shows a resource, or its placeholder. */
+/** Shows a resource, or its placeholder; what a failed request could not renew is faded and has its time. */
 export function Show<T>(props: {
   of: Resource<T>;
   what: string;
@@ -64,12 +69,18 @@ export function Show<T>(props: {
   children: (data: T) => ComponentChildren;
 }) {
   const { of: resource, what, lines, children } = props;
+  const isOld = resource.problem !== undefined && silentSince.value === undefined;
   return (
     <>
       {resource.problem && <ProblemNote problem={resource.problem} retry={resource.reload} />}
-      {resource.data !== undefined
-        ? children(resource.data)
-        : !resource.problem && <Loading what={what} {...(lines === undefined ? {} : { lines })} />}
+      {resource.data === undefined ? (
+        (!resource.problem || isUnanswered(resource.problem)) && <Loading what={what} {...(lines === undefined ? {} : { lines })} />
+      ) : (
+        <div class={isOld ? "old" : ""}>
+          {isOld && <p class="faint">As of {clock(resource.at)}:</p>}
+          {children(resource.data)}
+        </div>
+      )}
     </>
   );
 }

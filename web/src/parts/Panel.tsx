@@ -1,6 +1,8 @@
 // A titled panel, and the head of a view with its actions.
 import type { ComponentChildren } from "preact";
-import { useId } from "preact/hooks";
+import { useEffect, useId, useRef } from "preact/hooks";
+import { silentSince } from "../api/pulse";
+import { age, now } from "../format";
 
 export function Panel(props: {
   title: string;
@@ -20,15 +22,24 @@ export function Panel(props: {
   );
 }
 
+/** The heading of a view, which is the title of the tab as well. */
 export function ViewHead(props: {
   title: ComponentChildren;
+  /** What stands before the heading in the tab's title. */
+  tab?: string;
   sub?: ComponentChildren;
   children?: ComponentChildren;
 }) {
+  const head = useRef<HTMLHeadingElement>(null);
+  const isOld = silentSince.value !== undefined;
+  // With every drawing, since the heading may be made of more than text.
+  useEffect(() => {
+    document.title = `${isOld ? "(no answer) " : (props.tab ?? "")}${head.current?.textContent?.trim() ?? ""} · Palpate`;
+  });
   return (
     <div class="view-head">
       <div>
-        <h1 tabIndex={-1}>{props.title}</h1>
+        <h1 ref={head} tabIndex={-1}>{props.title}</h1>
         {props.sub && <p class="sub">{props.sub}</p>}
       </div>
       {props.children && <div class="actions">{props.children}</div>}
@@ -50,7 +61,9 @@ export function Facts({ of: facts, isWide = false }: { of: [string, ComponentChi
   );
 }
 
-/** A word on a coloured ground; the colour repeats the word's meaning. */
-export function Badge({ kind, children }: { kind: string; children: ComponentChildren }) {
-  return <span class={`badge badge-${kind}`}>{children}</span>;
+/** A word on a coloured ground; the colour repeats the word's meaning. While the server is silent a state has its
+ * age; what `isPast` cannot change any more. */
+export function Badge({ kind, isPast = kind === "label", children }: { kind: string; isPast?: boolean; children: ComponentChildren }) {
+  const since = isPast ? undefined : silentSince.value;
+  return <span class={`badge badge-${kind}${isPast ? " badge-past" : ""}`}>{children}{since !== undefined && `, ${age(now.value - since)} ago`}</span>;
 }

@@ -61,7 +61,7 @@ export function CommissionPanel({ sensor, onApplied }: { sensor: Sensor; onAppli
             </div>
             <div class="actions">
               <button type="button" onClick={() => chooser.current?.click()}>{touches ? `${touches.name}: ${plural(touches.readings.length, "touch", "touches")}` : "Choose the touches …"}</button>
-              <button type="submit" class="primary" disabled={action.busy || !touches || body === ""}>{action.busy ? "Comparing …" : "Look what holds"}</button>
+              <button type="submit" class="primary" disabled={action.busy || !touches || body === ""}>{action.busy ? "Comparing …" : "Check the touches"}</button>
               <input ref={chooser} type="file" hidden aria-label="File of touches" accept=".json,.jsonl"
                 onChange={(event) => void take(event.currentTarget.files?.[0])} />
             </div>

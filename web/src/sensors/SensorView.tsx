@@ -22,35 +22,38 @@ export function SensorView({ id }: { id: string }) {
       <Show of={sensor} what="the sensor" lines={6}>
         {(found) => (
           <div class="grid grid-2">
-            <Described sensor={found} />
-            <Panel title="Calibration" aside={calibration.data && `number ${calibration.data.number}, ${when(calibration.data.created_at)}`}>
-              <Show of={calibration} what="the calibration" lines={5}>
-                {(one) =>
-                  one === null && listedTaxels(found) ? (
-                    <p class="faint">Not calibrated: readings count as the description says.</p>
-                  ) : one === null ? (
-                    <p class="faint">
-                      Not calibrated: readings count as the description says. Press every taxel with a small indenter and post it
-                      with <code>palpate sensors calibrate {found.name} --file indentation.json</code>.
-                    </p>
-                  ) : (
-                    <Calibrated calibration={one} />
-                  )
-                }
-              </Show>
-            </Panel>
-            <HealthPanel sensor={found} />
-            {listedTaxels(found) ? (
-              <Panel title="Commissioning">
-                <p class="faint">Only sensors with rows and columns are commissioned and calibrated. Correct the values of this one in its driver.</p>
+            <div class="stack">
+              <Described sensor={found} />
+              <Panel title="Calibration" aside={calibration.data && `number ${calibration.data.number}, ${when(calibration.data.created_at)}`}>
+                <Show of={calibration} what="the calibration" lines={5}>
+                  {(one) => one === null ? <Uncalibrated sensor={found} /> : <Calibrated calibration={one} />}
+                </Show>
               </Panel>
-            ) : (
-              <CommissionPanel sensor={found} onApplied={sensor.reload} />
-            )}
+            </div>
+            <div class="stack">
+              <HealthPanel sensor={found} />
+              {listedTaxels(found) ? (
+                <Panel title="Commissioning">
+                  <p class="faint">Only sensors with rows and columns are commissioned and calibrated. Correct the values of this one in its driver.</p>
+                </Panel>
+              ) : (
+                <CommissionPanel sensor={found} onApplied={sensor.reload} />
+              )}
+            </div>
           </div>
         )}
       </Show>
     </>
+  );
+}
+
+function Uncalibrated({ sensor }: { sensor: Sensor }) {
+  if (listedTaxels(sensor)) return <p class="faint">Not calibrated: readings count as the description says.</p>;
+  return (
+    <p class="faint">
+      Not calibrated: readings count as the description says. Press every taxel with a small indenter and post it
+      with <code>palpate sensors calibrate {sensor.name} --file indentation.json</code>.
+    </p>
   );
 }
 
@@ -77,22 +80,22 @@ function Described({ sensor }: { sensor: Sensor }) {
         of={[
           ["Taxels", taxels(sensor)],
           ...(sensor.layout ? ([["Image", drawing(sensor)]] as [string, string][]) : []),
-          ["Pitch", mm(description.grid.pitch)],
+          ["Distance of taxels", mm(description.grid.pitch)],
           ["Taxel width", mm(description.grid.taxel_width)],
-          ["Covering", mm(description.covering_thickness)],
-          ["Point spread σ", mm(description.point_spread)],
-          ["Saturation", kPa(description.saturation)],
-          ["Noise σ", `${description.noise} Pa`],
+          ["Covering, thickness", mm(description.covering_thickness)],
+          ["A point spreads (1 σ) to", mm(description.point_spread)],
+          ["Saturates at", kPa(description.saturation)],
+          ["Noise (1 σ)", kPa(description.noise)],
           ["Image order", order(description.image_order)],
           ["Covering beyond the array", margin(description)],
           ["Edge of the covering", (description.coupling?.edge ?? "continues").replace("_", " ")],
           ["Cross-talk", `${(100 * (description.coupling?.cross_talk ?? 0)).toFixed(1)} %`],
-          ["Knowledge", knowledge(sensor)],
         ]}
       />
-      <h3 class="chart-title">Pressure over displacement</h3>
-      <Chart label="Force curve: pressure in kilopascal over displacement in millimetres" xLabel="Displacement (mm)" x={x} series={series}
-        format={(value) => value.toFixed(0)} legend={false} />
+      <p class="known"><span class="faint">How well it is known: </span>{knowledge(sensor)}.</p>
+      <h3 class="chart-title">Force curve: pressure over displacement</h3>
+      <Chart label="Force curve: pressure in kilopascal over displacement in millimetres" xLabel="Displacement (mm)" yLabel="Pressure (kPa)" x={x} series={series}
+        format={(value) => String(Number(value.toPrecision(3)))} legend={false} />
     </Panel>
   );
 }
@@ -101,18 +104,18 @@ function margin(description: Sensor["description"]): string {
   const known = description.coupling?.margin;
   if (typeof known === "number") return mm(known);
   const open = description.ranges?.margin;
-  return open ? `open, ${mm(open.low)} to ${mm(open.high)}` : "far";
+  return open ? `open, ${mm(open.low)} to ${mm(open.high)}` : "reaches far";
 }
 
 /** What the owner says about the description, and what trainings from meshes make of it. */
 function knowledge(sensor: Sensor): string {
   switch (sensor.sensor_knowledge) {
     case "measured":
-      return "measured: meshes are pressed exactly as described, which is right only for a measured or simulated sensor";
+      return "measured, meshes are pressed exactly as described";
     case "unknown":
-      return "unknown: meshes are pressed with quite different sensors of this grid";
+      return "hardly, meshes are pressed with quite different sensors of this grid";
     default:
-      return "data sheet: meshes are pressed with all sensors that it may stand for; commission the sensor to know yours";
+      return "as a data sheet says, meshes are pressed with all sensors that it may stand for; commission the sensor to know yours";
   }
 }
 
@@ -198,7 +201,7 @@ function Lines({ calibration }: { calibration: SensorCalibration }) {
     return [...thin, { label: "target", color: seriesColor(1), width: 3, values: line(calibration.target.slope, calibration.target.offset) }];
   }, [calibration, isDark]);
   return (
-    <Chart label="Pressure in kilopascal over depth in millimetres, for every taxel and the target" xLabel="Depth (mm)" x={x} series={series}
+    <Chart label="Pressure in kilopascal over depth in millimetres, for every taxel and the target" xLabel="Depth (mm)" yLabel="Pressure (kPa)" x={x} series={series}
       format={(value) => value.toFixed(0)} legend={false} />
   );
 }

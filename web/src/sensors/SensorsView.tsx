@@ -25,7 +25,7 @@ export function SensorsView() {
             </Empty>
           ) : (
             <Panel title="All sensors">
-              <Table label="Sensors" columns={["Sensor", "Taxels", ["Pitch", "num"], ["Covering", "num"], "Calibration"]}>
+              <Table label="Sensors" columns={["Sensor", "Taxels", ["Distance of taxels", "num"], ["Covering", "num"], "Calibration"]}>
                 {found.map((sensor) => (
                   <Row key={sensor.id} sensor={sensor} />
                 ))}

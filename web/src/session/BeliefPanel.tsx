@@ -1,5 +1,5 @@
 // The belief at the shown revision: identities, entropy, the best pose.
-import { bits, mm, plural } from "../format";
+import { bits, decimal, mm, plural } from "../format";
 import { Loading } from "../parts/Notes";
 import { Badge, Facts, Panel } from "../parts/Panel";
 import { ProbabilityBars, shares } from "../parts/ProbabilityBars";
@@ -28,6 +28,7 @@ export function BeliefPanel({ model }: { model: SessionModel }) {
     );
   }
   const pose = belief.poses[0];
+  const frame = model.session.value?.frame_id ?? "the session's frame";
   const sigma = (i: number) => Math.sqrt(Math.max(0, pose?.covariance[i * 7] ?? 0));
   const spread = Math.hypot(sigma(0), sigma(1), sigma(2));
   const turn = Math.hypot(sigma(3), sigma(4), sigma(5));
@@ -51,8 +52,8 @@ export function BeliefPanel({ model }: { model: SessionModel }) {
             ["Based on", plural(belief.n_readings, "reading")],
             ...(pose
               ? ([
-                  ["Position", pose.pose.position.map((part) => mm(part).replace(" mm", "")).join(", ") + " mm"],
-                  ["Accuracy", `${mm(spread)}, ${((turn * 180) / Math.PI).toFixed(0)}°`],
+                  [`Position in ${frame}`, `${pose.pose.position.map((part) => decimal(part * 1000, 1)).join(", ")} mm`],
+                  ["Accuracy (1 σ)", `${mm(spread)}, ${((turn * 180) / Math.PI).toFixed(0)}°`],
                 ] as [string, string][])
               : []),
             ...(belief.stop

@@ -1,11 +1,14 @@
-// Contributions of the readings in bits, and the readings that disagree.
+// What each reading changed, the readings that disagree, and the retraction of one.
+import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
-import { bitsColor, mm, percent, signedBits } from "../format";
+import type { SessionReading } from "../api/types";
+import { bitsColor, decimal, percent, signedBits } from "../format";
 import { Loading, ProblemNote } from "../parts/Notes";
 import { Badge, Panel } from "../parts/Panel";
 import { useAction } from "../parts/useAction";
 import { may } from "../signin";
-import type { SessionModel } from "./model";
+import { counts } from "./content";
+import { type ColorBy, PUT_BACK, type SessionModel } from "./model";
 
 interface Props {
   model: SessionModel;
@@ -24,7 +27,18 @@ export function ExplainPanel({ model, selected, select }: Props) {
     // Only the list is scrolled, not the page.
     if (row && list.current) list.current.scrollTop = row.offsetTop - list.current.clientHeight / 2;
   }, [selected]);
-  const isOpen = model.session.value?.state === "open" && may("robot", "admin");
+  const mayChange = model.session.value?.state === "open" && may("robot", "admin") && model.at.value === null;
+  const compared = new Map(explanation?.readings.map((one) => [one.number, one]));
+  const upto = explanation?.revision ?? 0;
+  // Retracted readings keep their rows; what was not compared yet has none.
+  const rows = model.readings.value.filter(({ number }) => number < upto)
+    .map((reading) => ({ reading, one: compared.get(reading.number) }))
+    .filter(({ reading, one }) => one !== undefined || !counts(reading, upto));
+  const retract = (reading: SessionReading) => {
+    const whose = reading.robot ? ` of ${reading.robot}` : "";
+    if (!confirm(`Retract reading ${reading.number + 1}${whose}? The belief is formed without it. It stays in the list, and can be put back.`)) return;
+    action.run(() => model.withdraw(reading.number));
+  };
   const nAgainst = explanation?.readings.filter((one) => one.disagrees).length ?? 0;
   const isStale = explanation !== undefined && explanation.revision !== model.revision.value;
   return (
@@ -37,8 +51,9 @@ export function ExplainPanel({ model, selected, select }: Props) {
       ) : (
         <>
           <p>
-            {explanation.answer.name ?? "None of the known objects"} with {percent(explanation.answer.probability)}. Each
-            reading adds this many bits to its probability (log2).
+            {explanation.answer.name ?? "None of the known objects"} with {percent(explanation.answer.probability)}. In bits of its
+            probability (log2): <b>when it came</b>, what a reading changed after those before it; <b>left out</b>, what would be
+            lost without it alone, which is nothing as soon as the others say the same.
           </p>
           {explanation.nearest && (explanation.against ?? []).length > 0 && (
             <>
@@ -48,7 +63,7 @@ export function ExplainPanel({ model, selected, select }: Props) {
               </ul>
             </>
           )}
-          {model.coloring.value === "fit" && <p class="faint">Bars show how well each reading fits the others, because no single one changes the answer any more.</p>}
+          <p class="faint">Bars and colours: {COLORED[model.coloring.value]}.</p>
           {!explanation.complete && <p class="faint">Time ran out; some readings were not compared.</p>}
           <div ref={list} class="scroll explain" tabIndex={0} role="region" aria-label="Contributions of readings">
             <table>
@@ -56,32 +71,37 @@ export function ExplainPanel({ model, selected, select }: Props) {
                 <tr>
                   <th scope="col">Reading</th>
                   <th scope="col"><span class="visually-hidden">As a bar</span></th>
-                  <th scope="col" class="num">Bits</th>
-                  <th scope="col" class="num">Fit</th>
-                  <th scope="col" class="num" title="Above the surface of the object that fits best">Height</th>
+                  <th scope="col" class="num">When it came (bit)</th>
+                  <th scope="col" class="num">Left out (bit)</th>
+                  <th scope="col" class="num" title="How well it fits the object in the pose that the others find">Fit (bit)</th>
+                  <th scope="col" class="num" title="Above the surface of the object that fits best">Height (mm)</th>
                   <th scope="col"><span class="visually-hidden">Retract</span></th>
                 </tr>
               </thead>
               <tbody>
-                {[...explanation.readings].sort((a, b) => a.number - b.number).map((one) => (
-                  <tr key={one.number} class={one.number === selected ? "chosen" : ""}>
+                {rows.map(({ reading, one }) => (
+                  <tr key={reading.number} class={`${reading.number === selected ? "chosen" : ""} ${one ? "" : "withdrawn"}`}>
                     <th scope="row">
-                      <button type="button" class="plain small" aria-pressed={one.number === selected}
-                        onClick={() => select(one.number === selected ? undefined : one.number)}>
-                        {one.number + 1}{one.robot ? ` · ${one.robot}` : ""}
+                      <button type="button" class="plain small" aria-pressed={reading.number === selected}
+                        onClick={() => select(reading.number === selected ? undefined : reading.number)}>
+                        {reading.number + 1}{reading.robot ? ` · ${reading.robot}` : ""}
                       </button>
                     </th>
-                    <td><Contribution bits={tints.get(one.number)} /></td>
-                    <td class="num">{signedBits(one.bits)}</td>
-                    <td class="num">{signedBits(one.fit_bits)}</td>
-                    <td class="num">{typeof one.misfit?.height_m === "number" ? mm(one.misfit.height_m) : "–"}</td>
+                    <td>{one && <Contribution bits={tints.get(reading.number)} />}</td>
+                    <td class="num">{signedBits(model.came.value.get(reading.number))}</td>
+                    <td class="num">{signedBits(one?.bits)}</td>
+                    <td class="num">{signedBits(one?.fit_bits)}</td>
+                    <td class="num">{typeof one?.misfit?.height_m === "number" ? decimal(one.misfit.height_m * 1000, 1) : "–"}</td>
                     <td class="row-end">
-                      {one.disagrees && <Badge kind="disagrees">disagrees</Badge>}
-                      {(one.disagrees || one.number === selected) && isOpen && model.at.value === null && (
-                        <button type="button" class="small danger" disabled={action.busy} onClick={() => action.run(() => model.withdraw(one.number))}>
-                          Retract
+                      {one?.disagrees && <Badge kind="disagrees">disagrees</Badge>}
+                      {one && (one.disagrees || reading.number === selected) && mayChange && (
+                        <button type="button" class="small danger" disabled={action.busy} onClick={() => retract(reading)}>
+                          Retract …
                         </button>
                       )}
+                      {!one && <Retracted reading={reading} readings={model.readings.value}>
+                        {mayChange && <button type="button" class="small" disabled={action.busy} onClick={() => action.run(() => model.putBack(reading))}>Put back</button>}
+                      </Retracted>}
                     </td>
                   </tr>
                 ))}
@@ -91,6 +111,23 @@ export function ExplainPanel({ model, selected, select }: Props) {
         </>
       )}
     </Panel>
+  );
+}
+
+const COLORED: Record<ColorBy, string> = {
+  bits: "what would be lost without each reading",
+  came: "what each reading changed when it came",
+  fit: "how well each reading fits the others",
+};
+
+/** What became of a retracted reading. */
+function Retracted({ reading, readings, children }: { reading: SessionReading; readings: SessionReading[]; children: ComponentChildren }) {
+  const again = readings.find((one) => one.robot === PUT_BACK && one.seq === reading.number);
+  return (
+    <>
+      <Badge kind="seen" isPast>{again ? `put back as ${again.number + 1}` : "retracted"}</Badge>
+      {again === undefined && children}
+    </>
   );
 }
 

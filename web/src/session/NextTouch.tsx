@@ -6,6 +6,7 @@ import { persist, problemFrom } from "../api/resource";
 import { bits, decimal, percent } from "../format";
 import { Panel } from "../parts/Panel";
 import { Table } from "../parts/Table";
+import { methodWords } from "../words";
 import type { SessionModel } from "./model";
 
 const N = 3;
@@ -66,7 +67,7 @@ export function wouldTeach(touch: Pick<Touch, "information_bits" | "pose_bits">)
 
 function reason(state: string | undefined, method: string | undefined, revision: number): string | undefined {
   if (state === "closed") return "The session is closed.";
-  if (method !== undefined && method !== "surface") return `Suggestions need the method surface; this session uses ${method.replaceAll("_", " ")}.`;
+  if (method !== undefined && method !== "surface") return `Suggestions need surface matching; this session uses ${methodWords(method)}.`;
   if (revision === 0) return "Suggestions need a first touch.";
   return undefined;
 }

@@ -1,26 +1,23 @@
 // Posterior over identities and entropy, by revision, from the prior on.
 import { useMemo, useState } from "preact/hooks";
-import { getJson } from "../api/http";
-import { useResource } from "../api/resource";
-import type { Belief } from "../api/types";
 import { colorsVersion, plainColor } from "../colors";
 import { dark, percent } from "../format";
 import { Chart, LOW, type Range, type Series } from "../parts/Chart";
 import { Panel } from "../parts/Panel";
-import type { SessionModel } from "./model";
-import { closer, fromPrior, identities } from "./posterior";
+import { fromPrior, type SessionModel } from "./model";
+import { closer, identities } from "./posterior";
 
 export function PosteriorPanel({ model }: { model: SessionModel }) {
   const [zoom, setZoom] = useState<Range>();
-  const prior = useResource(`prior of ${model.id}`, (signal) => getJson<Belief>(`/v1/sessions/${model.id}/belief?at=0`, signal));
   const known = model.steps.value;
-  const steps = useMemo(() => fromPrior(prior.data, known), [prior.data, known]);
+  const prior = model.prior.value;
+  const steps = useMemo(() => fromPrior(prior, known), [prior, known]);
   const isDark = dark.value;
   const x = useMemo(() => steps.map((step) => step.revision), [steps]);
   const colors = colorsVersion();
   const posterior = useMemo(() => identities(steps), [steps, isDark, colors]);
   const entropy = useMemo(
-    (): Series[] => [{ label: "uncertainty (bit)", color: plainColor(), values: steps.map((step) => step.entropyBits) }],
+    (): Series[] => [{ label: "uncertainty over the objects", color: plainColor(), values: steps.map((step) => step.entropyBits) }],
     [steps, isDark],
   );
   const at = model.revision.value;
@@ -33,7 +30,7 @@ export function PosteriorPanel({ model }: { model: SessionModel }) {
     );
   }
   const half = closer(zoom ?? [x[0] ?? 0, x.at(-1) ?? 0], at);
-  const shared = { xLabel: "Revision", wholeX: true, x, at, onPick: pick, zoom, onZoom: setZoom };
+  const shared = { xLabel: "Revision (number)", wholeX: true, x, at, onPick: pick, zoom, onZoom: setZoom };
   return (
     <Panel
       title="Posterior over readings"
@@ -45,9 +42,9 @@ export function PosteriorPanel({ model }: { model: SessionModel }) {
         </>
       }
     >
-      <Chart label="Probability of each object after each revision" series={posterior} range={[0, 1.02]} format={percent}
-        tick={(p) => `${Math.round(p * 100)} %`} {...shared} />
-      <Chart label="Uncertainty in bits after each revision" series={entropy} height={LOW} fromZero format={(value) => value.toFixed(2)}
+      <Chart label="Probability of each object after each revision" yLabel="Probability (%)" series={posterior} range={[0, 1.02]} format={percent}
+        tick={(p) => String(Math.round(p * 100))} {...shared} />
+      <Chart label="Uncertainty in bits after each revision" yLabel="Uncertainty (bit)" series={entropy} height={LOW} fromZero format={(value) => value.toFixed(2)}
         tick={(value) => String(Number(value.toFixed(3)))} {...shared} />
     </Panel>
   );

@@ -37,7 +37,7 @@ export function ReplayPanel({ model }: { model: SessionModel }) {
     if (!playing && revision >= newest) void model.show(0);
     setPlaying(!playing);
   };
-  const words = say(model.steps.value.find((step) => step.revision === revision), revision);
+  const words = say(model.steps.value.find((step) => step.revision === revision), revision, model.changeAt(revision));
   return (
     <Panel title="Replay" aside={<span class="num">revision {revision} of {newest}</span>}>
       <div class="replay">
@@ -67,12 +67,12 @@ export function ReplayPanel({ model }: { model: SessionModel }) {
   );
 }
 
-function say(step: Step | undefined, revision: number): string {
+function say(step: Step | undefined, revision: number, change: ReturnType<SessionModel["changeAt"]>): string {
   if (revision === 0) return "Before the first reading.";
   if (step === undefined) return `Revision ${revision}.`;
   const best = step.objects[0];
-  const came = { reading: "a reading arrived", retraction: "a reading was retracted", closed: "the session was closed" }[step.what] ?? step.what;
+  const came = change && { reading: ", a reading arrived", retraction: ", a reading was retracted", closed: ", the session was closed" }[change];
   const unknown = step.unknown > (best?.probability ?? 0);
   const answer = unknown ? `none of these ${percent(step.unknown)}` : best ? `${best.name} ${percent(best.probability)}` : "no answer";
-  return `Revision ${revision}, ${came} (${plural(step.nReadings, "reading")}): ${answer}, ${bits(step.entropyBits)} of uncertainty.`;
+  return `Revision ${revision}${came ?? ""} (${plural(step.nReadings, "reading")}): ${answer}, ${bits(step.entropyBits)} of uncertainty.`;
 }

@@ -99,12 +99,13 @@ function Keys({ model, layers, share, hasNext }: { model: SessionModel; layers: 
       <label class="key">
         Touches by
         <select value={by} onChange={(event) => { model.colorBy.value = event.currentTarget.value as ColorBy; }}>
-          <option value="bits">bits contributed</option>
+          <option value="bits">what leaving it out would lose</option>
+          <option value="came">what it changed when it came</option>
           <option value="fit">fit with the others</option>
         </select>
       </label>
       <span class="key">
-        {by === "bits" ? "against" : "unfit"} <span class="ramp" aria-hidden="true" /> {by === "bits" ? "for the answer" : "fits"}, ±{model.fullAt.value.toFixed(0)} bit
+        {by === "fit" ? "unfit" : "against"} <span class="ramp" aria-hidden="true" /> {by === "fit" ? "fits" : "for the answer"}, ±{model.fullAt.value.toFixed(0)} bit
       </span>
       {layers.ghosts && others.map((pose, place) => (
         <span key={place} class="key">
@@ -119,7 +120,7 @@ function Keys({ model, layers, share, hasNext }: { model: SessionModel; layers: 
       )}
       {truth && (
         <span class="key">
-          <Badge kind={truth.was_right ? "good" : "bad"}>it was {truth.name ?? "none of the known objects"}</Badge> believed with {percent(truth.probability)}
+          <Badge kind={truth.was_right ? "good" : "bad"} isPast>it was {truth.name ?? "none of the known objects"}</Badge> believed with {percent(truth.probability)}
           {typeof truth.position_error === "number" && typeof truth.angle_error === "number" && `, ${mm(truth.position_error)} and ${degrees(truth.angle_error)} off at its end`}
         </span>
       )}
@@ -133,8 +134,10 @@ function touchWords(model: SessionModel, number: number | undefined): string {
   if (number === undefined) return "Click a touch to see what it says.";
   const one = model.explanation.value?.readings.find((reading) => reading.number === number);
   const height = one?.misfit?.height_m;
+  const came = model.came.value.get(number);
   const words = [
-    typeof one?.bits === "number" ? `${signedBits(one.bits)} bit` : "not compared yet",
+    typeof one?.bits === "number" ? `${signedBits(one.bits)} bit lost without it` : "not compared yet",
+    ...(typeof came === "number" ? [`${signedBits(came)} bit when it came`] : []),
     ...(typeof one?.fit_bits === "number" ? [`fit ${signedBits(one.fit_bits)} bit`] : []),
     ...(typeof height === "number" ? [`${mm(Math.abs(height))} ${height < 0 ? "below" : "above"} the surface`] : []),
     ...(one?.disagrees ? ["disagrees"] : []),

@@ -1,14 +1,17 @@
 // One session: belief, pose, touches and history.
 import { useEffect, useMemo, useState } from "preact/hooks";
 import { announce } from "../announce";
+import { isUnanswered } from "../api/http";
+import { silentSince } from "../api/pulse";
 import { answerOf, titleOf } from "../belief";
 import { percent, plural, shortId, when } from "../format";
 import { Empty, Loading, ProblemNote } from "../parts/Notes";
 import { Live } from "../parts/Live";
 import { Badge, ViewHead } from "../parts/Panel";
 import { useAction } from "../parts/useAction";
-import { link } from "../router";
+import { link, replaceRoute, route, useChoice } from "../router";
 import { may } from "../signin";
+import { methodWords } from "../words";
 import { BeliefPanel } from "./BeliefPanel";
 import { CloseDialog } from "./CloseDialog";
 import { ExplainPanel } from "./ExplainPanel";
@@ -21,10 +24,13 @@ import { ReplayPanel } from "./ReplayPanel";
 import { ScenePanel } from "./ScenePanel";
 import { StripPanel } from "./StripPanel";
 
-export function SessionView({ id, at }: { id: string; at: number | null }) {
-  const model = useMemo(() => new SessionModel(id, at), [id, at]);
+export function SessionView({ id, at }: { id: string; at?: string }) {
+  // biome-ignore lint/correctness/useExhaustiveDependencies: another revision is shown by the same model
+  const model = useMemo(() => new SessionModel(id, momentOf(at)), [id]);
   const [closing, setClosing] = useState(false);
-  const [selected, select] = useState<number>();
+  const [chosen, setChosen] = useChoice("reading");
+  const selected = /^\d+$/.test(chosen) && Number(chosen) > 0 ? Number(chosen) - 1 : undefined;
+  const select = (number: number | undefined) => setChosen(number === undefined ? "" : String(number + 1));
   const action = useAction();
   useEffect(() => {
     void model.start();
@@ -34,12 +40,13 @@ export function SessionView({ id, at }: { id: string; at: number | null }) {
   useLinkToMoment(model);
   const next = useNextTouches(model);
   const session = model.session.value;
-  const title = useBelievedTitle(model);
+  const title = believedTitle(model);
   if (session === undefined) {
     return (
       <>
         <ViewHead title={`Session ${shortId(id)}`} />
-        {model.problem.value ? <ProblemNote problem={model.problem.value} /> : <Loading what="the session" lines={10} />}
+        {model.problem.value && <ProblemNote problem={model.problem.value} />}
+        {(!model.problem.value || isUnanswered(model.problem.value)) && <Loading what="the session" lines={10} />}
       </>
     );
   }
@@ -53,11 +60,11 @@ export function SessionView({ id, at }: { id: string; at: number | null }) {
               {session.catalogue} version {session.version}
             </a>
             {" · "}
-            {session.method.replaceAll("_", " ")} · since {when(session.created_at)} · <code>{id}</code>
+            {methodWords(session.method)} · since {when(session.created_at)} · <code>{id}</code>
           </>
         }
       >
-        {session.state === "closed" ? <span class="live">closed</span> : <Live line={model.line.value} />}
+        {session.state === "closed" ? <span class="live">closed</span> : <Live />}
         <Badge kind={session.state}>{plural(model.newest.value?.n_readings ?? session.n_readings, "reading")}</Badge>
         <button type="button" disabled={action.busy} onClick={() => action.run(() => exportSession(id, "json"))}>Save as JSON</button>
         <button type="button" disabled={action.busy} onClick={() => action.run(() => exportSession(id, "csv"))}>Save as CSV</button>
@@ -71,7 +78,7 @@ export function SessionView({ id, at }: { id: string; at: number | null }) {
       {model.problem.value && <ProblemNote problem={model.problem.value} />}
       {action.problem && <ProblemNote problem={action.problem} />}
       {closing && <CloseDialog model={model} onClose={() => setClosing(false)} />}
-      <div class="session">
+      <div class={model.problem.value && silentSince.value === undefined ? "session old" : "session"}>
         <div class="stack">
           <ScenePanel model={model} selected={selected} select={select} next={next.shown} />
           <ReplayPanel model={model} />
@@ -89,27 +96,35 @@ export function SessionView({ id, at }: { id: string; at: number | null }) {
   );
 }
 
-/** Keeps the address of the page a link to the shown revision. */
+/** Keeps the address of the page a link to the shown revision, and shows the revision of a link that is followed. */
 function useLinkToMoment(model: SessionModel): void {
   const { id } = model;
   const at = model.at.value;
-  const isLoaded = model.session.value !== undefined;
+  const begun = model.begun.value;
   useEffect(() => {
-    if (isLoaded) history.replaceState(null, "", at === null ? link("sessions", id) : link("sessions", id, "at", at));
-  }, [id, at, isLoaded]);
+    if (begun) replaceRoute(...(at === null ? ["sessions", id] : ["sessions", id, "at", at]));
+  }, [id, at, begun]);
+  useEffect(() => {
+    const follow = () => {
+      const [, of, , linked] = route.peek();
+      if (of === id) void model.show(momentOf(linked));
+    };
+    addEventListener("hashchange", follow);
+    return () => removeEventListener("hashchange", follow);
+  }, [id, model]);
 }
 
-/** The title of the page and of its tab: what is believed now, of which robots. */
-function useBelievedTitle(model: SessionModel): string {
+/** The revision that an address names; null, the newest, if it names none. */
+function momentOf(linked: string | undefined): number | null {
+  return linked !== undefined && /^\d+$/.test(linked) ? Number(linked) : null;
+}
+
+/** The title of the page: what is believed now, of which robots. */
+function believedTitle(model: SessionModel): string {
   const newest = model.newest.value;
   const robots = [...new Set(model.readings.value.flatMap((reading) => reading.robot ?? []))];
   const whose = robots.length > 0 ? robots.join(", ") : `session ${shortId(model.id)}`;
-  const title = titleOf(answerOf(newest, newest?.n_readings ?? 0), whose);
-  const isLoaded = model.session.value !== undefined;
-  useEffect(() => {
-    if (isLoaded) document.title = `${title} · Palpate`;
-  }, [title, isLoaded]);
-  return title;
+  return titleOf(answerOf(newest, newest?.n_readings ?? 0), whose);
 }
 
 /** Announces when the likeliest object changes or becomes sure. */

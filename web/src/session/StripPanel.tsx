@@ -61,7 +61,7 @@ export function StripPanel({ model, selected, select }: Props) {
                   </span>
                   <span class="num faint">
                     {one?.disagrees ? "disagrees" : signedBits(model.valueOf(one))}
-                    <span class="visually-hidden"> bit {model.coloring.value === "bits" ? "contributed" : "of fit"}, {describe(reading, images[i])}</span>
+                    <span class="visually-hidden"> bit {{ bits: "lost without it", came: "when it came", fit: "of fit" }[model.coloring.value]}, {describe(reading, images[i])}</span>
                   </span>
                 </button>
               </li>
@@ -100,7 +100,7 @@ function useStrip(shown: number | undefined, nReadings: number) {
 
 function shade(reading: SessionReading, revision: number): string {
   if (counts(reading, revision)) return "";
-  return reading.number >= revision ? "later" : "later retracted";
+  return reading.number >= revision ? "later" : "later withdrawn";
 }
 
 function describe(reading: SessionReading, image: Image | undefined): string {

@@ -17,7 +17,7 @@ export function TouchTable({ model, selected, select }: Props) {
   return (
     <details class="behind">
       <summary>Touches as a table</summary>
-      <Table label="Touches" columns={["Reading", "Position (mm)", "Sensor direction", ["Bits", "num"]]}>
+      <Table label="Touches" columns={["Reading", "Position (mm)", "Sensor direction", ["Left out (bit)", "num"]]}>
         {touched.map((reading) => (
           <tr key={reading.number} class={reading.number === selected ? "chosen" : ""}>
             <th scope="row">

@@ -2,25 +2,25 @@
 import { computed, signal } from "@preact/signals";
 import { follow } from "../api/events";
 import { ask, getAll, getJson, ProblemError, sendJson } from "../api/http";
-import { NO_LINE, type Line } from "../api/pulse";
 import { persist, problemFrom } from "../api/resource";
 import type { Belief, BestObject, CatalogueVersion, CloseSession, Explanation, Problem, ReadingContribution, Replay, Sensor, Session, SessionEvent, SessionReading } from "../api/types";
 
-/** The answer at a revision, and the change that made it. */
+/** The answer at a revision. */
 export interface Step {
   revision: number;
   nReadings: number;
   objects: BestObject[];
   unknown: number;
   entropyBits: number;
-  /** The change; unknown for a live revision until its reading is listed. */
-  what: string;
 }
 
-/** Colouring of touches: bits contributed, or fit with the other readings. */
-export type ColorBy = "bits" | "fit";
+/** Colouring of touches: by what leaving each out would change, by what it changed when it came, or by its fit. */
+export type ColorBy = "bits" | "came" | "fit";
 
-/** Below this, a reading contributes nothing: no single reading changes a sure answer. */
+/** The name of a robot under which the page sends a retracted reading again. */
+export const PUT_BACK = "put-back";
+
+/** Below this, leaving a reading out changes nothing: no single reading changes a sure answer. */
 const BITS_MIN = 0.05;
 /** Bits at which colours are full; the scale of fits ends at the largest one, if that is larger. */
 export const FULL_BITS = 4;
@@ -41,7 +41,8 @@ export class SessionModel {
   readonly explaining = signal(false);
   readonly explainProblem = signal<Problem | undefined>(undefined);
   readonly problem = signal<Problem | undefined>(undefined);
-  readonly line = signal<Line>(NO_LINE);
+  /** Whether the first revision to show is shown. */
+  readonly begun = signal(false);
   readonly deleted = signal(false);
   /** Chosen colouring of touches; undefined for automatic. */
   readonly colorBy = signal<ColorBy | undefined>(undefined);
@@ -61,17 +62,38 @@ export class SessionModel {
   readonly shownRevision = computed(() => this.shown.value?.revision ?? 0);
   /** Whether the selected revision has not arrived, so that another one is shown. */
   readonly isStale = computed(() => this.shown.value !== undefined && this.shownRevision.value !== this.revision.value);
-  /** Effective colouring: as chosen, otherwise bits, or fit if no reading contributed any. */
+  /** Effective colouring: as chosen; else by leaving out, unless that changes nothing: then by fit, or if the readings
+   * are too few for that, by what each changed when it came. */
   readonly coloring = computed<ColorBy>(() => {
     const readings = this.explanation.value?.readings ?? [];
     const isSaturated = readings.every((one) => Math.abs(one.bits ?? 0) < BITS_MIN);
     const hasFit = readings.some((one) => typeof one.fit_bits === "number");
-    return this.colorBy.value ?? (isSaturated && hasFit ? "fit" : "bits");
+    return this.colorBy.value ?? (!isSaturated ? "bits" : hasFit ? "fit" : "came");
   });
+  /** By how many bits the arrival of each reading raised the answer's probability, after the readings before it. */
+  readonly came = computed(() => {
+    const answer = this.explanation.value?.answer;
+    const steps = fromPrior(this.prior.value, this.steps.value);
+    const at = new Map(steps.map((step) => [step.revision, answer === undefined ? undefined : probabilityOf(step, answer)]));
+    return new Map(this.readings.value.map(({ number }): [number, number | undefined] => {
+      const [before, after] = [at.get(number), at.get(number + 1)];
+      return [number, before && after ? Math.log2(after / before) : undefined];
+    }));
+  });
+  /** The belief before the first reading. */
+  readonly prior = signal<Belief | undefined>(undefined);
+  /** What made a revision, as the server lists the readings; undefined until it has. */
+  changeAt(revision: number): "reading" | "retraction" | "closed" | undefined {
+    const readings = this.readings.value;
+    if (readings.some((one) => one.retracted_by === revision)) return "retraction";
+    if (readings.some((one) => one.number + 1 === revision)) return "reading";
+    const { session } = this;
+    return session.value?.state === "closed" && session.value.revision === revision ? "closed" : undefined;
+  }
   /** Bits at which a colour is full. */
   readonly fullAt = computed(() => {
     const fits = (this.explanation.value?.readings ?? []).map((one) => Math.abs(one.fit_bits ?? 0));
-    return this.coloring.value === "bits" ? FULL_BITS : Math.max(FULL_BITS, ...fits);
+    return this.coloring.value === "fit" ? Math.max(FULL_BITS, ...fits) : FULL_BITS;
   });
   /** Value that colours a reading, on the scale of bits. */
   readonly tints = computed(() => {
@@ -81,7 +103,8 @@ export class SessionModel {
   });
   /** The value of a reading that is shown and coloured, in bits. */
   valueOf(one: ReadingContribution | undefined): number | null | undefined {
-    return this.coloring.value === "bits" ? one?.bits : one?.fit_bits;
+    if (one === undefined) return undefined;
+    return { bits: one.bits, came: this.came.value.get(one.number), fit: one.fit_bits }[this.coloring.value];
   }
   private lastShown: Belief | undefined;
   private readonly abort = new AbortController();
@@ -99,11 +122,10 @@ export class SessionModel {
     const { signal: aborted } = this.abort;
     try {
       await this.persist(() => this.load(aborted));
-      await this.show(this.from);
-      await follow(`${this.path}/events`, aborted, (event) => this.take(JSON.parse(event.data) as SessionEvent), (line) => {
-        if (line.open && !this.line.value.open) this.listSoon();
-        this.line.value = line;
-      });
+      const shown = this.show(this.from);
+      this.begun.value = true;
+      await shown;
+      await follow(`${this.path}/events`, aborted, (event) => this.take(JSON.parse(event.data) as SessionEvent), () => this.listSoon());
     } catch (error) {
       if (aborted.aborted) return;
       if (error instanceof ProblemError && error.status === 404 && this.session.value) this.deleted.value = true;
@@ -115,14 +137,16 @@ export class SessionModel {
     const session = await getJson<Session>(this.path, aborted);
     this.session.value = session;
     const version = `/v1/catalogues/${encodeURIComponent(session.catalogue)}/versions/${session.version}`;
-    const [sensors, found] = await Promise.all([
+    const [sensors, found, prior] = await Promise.all([
       getAll<Sensor>("/v1/sensors", 1000, aborted),
       getJson<CatalogueVersion>(version, aborted),
+      getJson<Belief>(`${this.path}/belief?at=0`, aborted),
       this.list(),
       this.replay(),
     ]);
     this.sensors.value = new Map(sensors.map((sensor) => [sensor.id, sensor]));
     this.version.value = found;
+    this.prior.value = prior;
   }
 
   /** Repeats a request while the server is away, and shows that it is. */
@@ -159,6 +183,23 @@ export class SessionModel {
   /** Retracts a reading. */
   async withdraw(number: number): Promise<void> {
     await ask(`${this.path}/readings/${number}?belief=none`, { method: "DELETE" });
+    await this.list();
+    this.newest.value = await getJson<Belief>(`${this.path}/belief`);
+    await this.replay();
+    await this.show(null);
+  }
+
+  /** Sends a retracted reading again, as a new one with the same content: what is stored never changes. Once, however
+   * often it is asked for. */
+  async putBack(retracted: SessionReading): Promise<void> {
+    const { approach_m, contact, feature, image, number, object_moved, pose, sensor, shear, stamp } = retracted;
+    const reading = {
+      sensor, approach_m, pose, feature, object_moved, shear, stamp,
+      ...(contact ? { contact } : { image }),
+      robot: PUT_BACK, seq: number,
+    };
+    const given = Object.fromEntries(Object.entries(reading).filter(([, value]) => value !== null && value !== undefined));
+    await sendJson("POST", `${this.path}/readings?belief=none`, { readings: [given] });
     await this.list();
     this.newest.value = await getJson<Belief>(`${this.path}/belief`);
     await this.replay();
@@ -220,7 +261,6 @@ export class SessionModel {
           objects: step.objects ?? [],
           unknown: step.unknown,
           entropyBits: step.entropy_bits,
-          what: step.change.kind,
         })),
       ];
       if ((this.newest.value?.revision ?? -1) < replay.belief.revision) this.newest.value = replay.belief;
@@ -256,6 +296,11 @@ export class SessionModel {
   }
 }
 
+/** The steps, with the belief before the first reading in front. */
+export function fromPrior(prior: Belief | undefined, steps: Step[]): Step[] {
+  return prior === undefined || steps.length === 0 ? steps : [{ ...stepOf(prior), objects: prior.objects }, ...steps];
+}
+
 /** The step that a live belief makes. */
 export function stepOf(belief: Belief): Step {
   return {
@@ -264,6 +309,10 @@ export function stepOf(belief: Belief): Step {
     objects: belief.objects.slice(0, 10),
     unknown: belief.unknown ?? 0,
     entropyBits: belief.entropy_bits,
-    what: "reading",
   };
+}
+
+/** The probability of an answer at a step; undefined if the step does not list it. */
+function probabilityOf(step: Step, answer: Explanation["answer"]): number | undefined {
+  return answer.object ? step.objects.find((one) => one.object === answer.object)?.probability : step.unknown;
 }

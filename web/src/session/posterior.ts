@@ -1,16 +1,10 @@
 // Lines of the posterior over identities, from the steps of a session.
 import { objectColor, plainColor } from "../colors";
 import type { Range, Series } from "../parts/Chart";
-import type { Belief } from "../api/types";
-import { stepOf, type Step } from "./model";
+import type { Step } from "./model";
 
 /** Maximum number of lines that can be told apart. */
 const LINES_MAX = 6;
-
-/** The steps, with the belief before the first reading in front. */
-export function fromPrior(prior: Belief | undefined, steps: Step[]): Step[] {
-  return prior === undefined || steps.length === 0 ? steps : [{ ...stepOf(prior), objects: prior.objects, what: "prior" }, ...steps];
-}
 
 /** Half of a range about a revision, as far as there are revisions; undefined if it cannot be halved. */
 export function closer(range: Range, at: number): Range | undefined {
@@ -23,7 +17,7 @@ export function closer(range: Range, at: number): Range | undefined {
 /** One line for each object that was ever among the likeliest after a reading, strongest first. */
 export function identities(steps: Step[]): Series[] {
   const most = new Map<string, number>();
-  for (const step of steps.filter((one) => one.what !== "prior")) {
+  for (const step of steps.filter((one) => one.revision > 0)) {
     for (const { name, probability } of step.objects) {
       most.set(name, Math.max(most.get(name) ?? 0, probability));
     }

@@ -7,6 +7,7 @@ import { link } from "../router";
 import { BeliefPanel } from "../session/BeliefPanel";
 import { SessionModel } from "../session/model";
 import { PosteriorPanel } from "../session/PosteriorPanel";
+import { methodWords } from "../words";
 import { labelWords, truthName } from "./words";
 
 export function CompareView({ ids }: { ids: [string, string] }) {
@@ -29,13 +30,13 @@ function One({ id }: { id: string }) {
   const truth = truthName(session);
   return (
     <div class="stack">
-      <Panel title={`Session ${shortId(id)}`} aside={<Badge kind={session.state}>{session.ended ?? session.state}</Badge>}>
+      <Panel title={`Session ${shortId(id)}`} aside={<Badge kind={session.state} isPast={session.state === "closed"}>{session.ended ?? session.state}</Badge>}>
         <Facts
           of={[
             ["Session", <a key="session" href={link("sessions", id)}>{shortId(id)}</a>],
             ["Robots", (session.touched_by ?? []).join(", ") || "–"],
             ["Readings", plural(session.n_readings, "reading")],
-            ["Method", session.method.replaceAll("_", " ")],
+            ["Method", methodWords(session.method)],
             ["Catalogue", <a key="catalogue" href={link("models", session.catalogue, session.version)}>{session.catalogue} version {session.version}</a>],
             ["Truth", truth === undefined ? "–" : `${truth} (${session.truth?.was_right ? "right" : "wrong"})`],
             ["Labels", labelWords(session.labels) || "–"],

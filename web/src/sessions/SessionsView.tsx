@@ -1,8 +1,7 @@
 // All sessions, open and ended, newest first: searched, compared, saved as a table.
-import { useEffect, useState } from "preact/hooks";
-import { getAll, getJson } from "../api/http";
-import { useResource } from "../api/resource";
-import type { Page, Session } from "../api/types";
+import { getAll } from "../api/http";
+import { usePages } from "../api/pages";
+import type { Session } from "../api/types";
 import { plural, shortId, when } from "../format";
 import { TouchCommands } from "../parts/Commands";
 import { csv, save } from "../parts/save";
@@ -10,9 +9,10 @@ import { Empty, ProblemNote, Show } from "../parts/Notes";
 import { Badge, Panel, ViewHead } from "../parts/Panel";
 import { Table } from "../parts/Table";
 import { useAction } from "../parts/useAction";
-import { go, link } from "../router";
+import { go, link, useChoice } from "../router";
+import { methodWords } from "../words";
 import { FilterForm } from "./FilterForm";
-import { filters, NO_FILTERS, sessionsPath } from "./query";
+import { filters, NO_FILTERS, sessionsPath, setFilters } from "./query";
 import { answerOf, answerWords, labelWords, truthName } from "./words";
 
 const PAGE = 50;
@@ -20,28 +20,20 @@ const PAGE = 50;
 const SAVED_MAX = 10_000;
 
 export function SessionsView() {
-  const path = sessionsPath(filters.value, PAGE);
-  const first = useResource(path, (signal) => getJson<Page<Session>>(path, signal), 5000);
-  const [further, setFurther] = useState<{ path: string; items: Session[]; next: string | undefined }>();
-  const [chosen, setChosen] = useState<string[]>([]);
+  const asked = filters();
+  const list = usePages<Session>(sessionsPath(asked, PAGE), (one) => one.id, 5000);
+  const [compared, setCompared] = useChoice("compared");
+  const chosen = compared.split(",").filter((id) => id !== "");
   const action = useAction();
-  useEffect(() => setFurther(undefined), [path]);
-  const more = further?.path === path ? further : undefined;
-  const next = more ? more.next : (first.data?.next_cursor ?? undefined);
-  const known = new Set(first.data?.items.map((one) => one.id));
-  const sessions = [...(first.data?.items ?? []), ...(more?.items ?? []).filter((one) => !known.has(one.id))];
-  const isFiltered = JSON.stringify(filters.value) !== JSON.stringify(NO_FILTERS);
-  const showMore = () =>
-    action.run(async () => {
-      const page = await getJson<Page<Session>>(sessionsPath(filters.value, PAGE, next));
-      setFurther({ path, items: [...(more?.items ?? []), ...page.items], next: page.next_cursor ?? undefined });
-    });
+  const sessions = list.data?.items ?? [];
+  const hasMore = list.data?.hasMore ?? false;
+  const isFiltered = Object.values(asked).some((value) => value !== "");
   const saveTable = () =>
     action.run(async () => {
-      const found = await getAll<Session>(sessionsPath(filters.value), SAVED_MAX);
+      const found = await getAll<Session>(sessionsPath(asked), SAVED_MAX);
       save("sessions.csv", "text/csv", csv([COLUMNS, ...found.map(row)]));
     });
-  const toggle = (id: string) => setChosen(chosen.includes(id) ? chosen.filter((one) => one !== id) : [...chosen, id].slice(-2));
+  const toggle = (id: string) => setCompared((chosen.includes(id) ? chosen.filter((one) => one !== id) : [...chosen, id].slice(-2)).join(","));
   return (
     <>
       <ViewHead title="Sessions" sub="Open and ended ones, newest first">
@@ -54,19 +46,19 @@ export function SessionsView() {
       </ViewHead>
       <FilterForm />
       {action.problem && <ProblemNote problem={action.problem} />}
-      <Show of={first} what="the sessions" lines={8}>
+      <Show of={list} what="the sessions" lines={8}>
         {() =>
-          sessions.length === 0 && next === undefined ? (
+          sessions.length === 0 && !hasMore ? (
             isFiltered ? <Empty title="No session fits">
-              <button type="button" onClick={() => (filters.value = NO_FILTERS)}>Show all sessions</button>
+              <button type="button" onClick={() => setFilters(NO_FILTERS)}>Show all sessions</button>
             </Empty> : <Empty title="No sessions yet"><TouchCommands /></Empty>
           ) : (
-            <Panel title="Found" aside={plural(sessions.length, "session") + (next === undefined ? "" : " and more")}>
+            <Panel title="Found" aside={plural(sessions.length, "session") + (hasMore ? " and more" : "")}>
               <Table label="Sessions" columns={[["Choose to compare", "hidden"], "Session", "Answer", "Truth", "Robots", ["Readings", "num"], "Method", "Labels", "Began"]}>
                 {sessions.map((session) => <Row key={session.id} session={session} chosen={chosen.includes(session.id)} toggle={toggle} />)}
               </Table>
-              {next !== undefined && (
-                <p class="more"><button type="button" class="small" disabled={action.busy} onClick={showMore}>Show more</button></p>
+              {hasMore && (
+                <p class="more"><button type="button" class="small" onClick={list.showMore}>Show more</button></p>
               )}
             </Panel>
           )
@@ -86,13 +78,13 @@ function Row({ session, chosen, toggle }: { session: Session; chosen: boolean; t
       </td>
       <th scope="row" class="tight">
         <a href={link("sessions", session.id)}>{shortId(session.id)}</a>{" "}
-        <Badge kind={session.state}>{session.ended ?? session.state}</Badge>
+        <Badge kind={session.state} isPast={session.state === "closed"}>{session.ended ?? session.state}</Badge>
       </th>
       <td>{answerWords(session)}</td>
-      <td>{truth === undefined ? <span class="faint">–</span> : <><span>{truth}</span> <Badge kind={session.truth?.was_right ? "good" : "bad"}>{session.truth?.was_right ? "right" : "wrong"}</Badge></>}</td>
+      <td>{truth === undefined ? <span class="faint">–</span> : <><span>{truth}</span> <Badge kind={session.truth?.was_right ? "good" : "bad"} isPast>{session.truth?.was_right ? "right" : "wrong"}</Badge></>}</td>
       <td>{robots.slice(0, 3).join(", ") || <span class="faint">–</span>}{robots.length > 3 && ` and ${robots.length - 3} more`}</td>
       <td class="num">{session.n_readings}</td>
-      <td class="tight">{session.method.replaceAll("_", " ")} <span class="faint">{session.catalogue} {session.version}</span></td>
+      <td class="tight">{methodWords(session.method)} <span class="faint">{session.catalogue} {session.version}</span></td>
       <td>{labelWords(session.labels)}</td>
       <td class="num-left">{when(session.created_at)}</td>
     </tr>

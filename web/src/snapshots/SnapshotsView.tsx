@@ -51,7 +51,7 @@ export function SnapshotsView() {
                   <tr key={entry.seq}>
                     <th scope="row" class="num-left">{when(entry.at)}</th>
                     <td>{entry.key_name ?? "without a key"}</td>
-                    <td><Badge kind={(entry.status ?? 500) < 400 ? "good" : "bad"}>{entry.status ?? "unknown"}</Badge></td>
+                    <td><Badge kind={(entry.status ?? 500) < 400 ? "good" : "bad"} isPast>{entry.status ?? "unknown"}</Badge></td>
                     <td>{entry.address}</td>
                   </tr>
                 ))}

@@ -1,5 +1,4 @@
 // One webhook: its settings, and the history of deliveries with their attempts and bodies.
-import { useState } from "preact/hooks";
 import { getAll, getJson, sendJson } from "../api/http";
 import { useResource } from "../api/resource";
 import type { Webhook, WebhookDelivery } from "../api/types";
@@ -8,7 +7,7 @@ import { Empty, ProblemNote, Show } from "../parts/Notes";
 import { Badge, Facts, Panel, ViewHead } from "../parts/Panel";
 import { Table } from "../parts/Table";
 import { useAction } from "../parts/useAction";
-import { link } from "../router";
+import { link, useChoice } from "../router";
 import { answerOf, deliveryState, hostOf, lastAnswer, pretty, webhookState } from "./words";
 
 /** As many as the server keeps. */
@@ -70,7 +69,9 @@ export function WebhookView({ id }: { id: string }) {
 }
 
 function Delivery({ path, delivery, onChanged }: { path: string; delivery: WebhookDelivery; onChanged: () => void }) {
-  const [isOpen, setOpen] = useState(false);
+  const [shown, show] = useChoice("delivery");
+  const isOpen = shown === delivery.id;
+  const setOpen = (open: boolean) => show(open ? delivery.id : "");
   const action = useAction();
   const [kind, words] = deliveryState(delivery);
   const name = `${delivery.type} of ${when(delivery.created_at)}`;

@@ -25,8 +25,8 @@ test("lengths are millimetres, pressures kilopascal from 1000 Pa", () => {
   check(format.kPa, [999, "999 Pa"], [1000, "1.0 kPa"], [-2500, "−2.5 kPa"], [1_234_560, "1234.6 kPa"]);
 });
 
-test("bytes use decimal units", () => {
-  check(format.bytes, [0, "0 B"], [999, "999 B"], [1000, "1.0 kB"], [12_345, "12 kB"], [2.5e9, "2.5 GB"], [3e15, "3000 TB"]);
+test("bytes have three digits and decimal units, as those of the server", () => {
+  check(format.bytes, [0, "0 B"], [999, "999 B"], [1000, "1.00 kB"], [12_345, "12.3 kB"], [370_294, "370 kB"], [999_499, "999 kB"], [999_500, "1.00 MB"], [64 * 2 ** 20, "67.1 MB"], [2.5e9, "2.50 GB"], [3e15, "3000 TB"]);
 });
 
 test("counts and nouns agree", () => {

@@ -2,9 +2,9 @@
 import assert from "node:assert/strict";
 import { beforeEach, test } from "node:test";
 import { counts } from "../../src/session/content.ts";
-import { SessionModel, stepOf } from "../../src/session/model.ts";
+import { fromPrior, SessionModel, stepOf } from "../../src/session/model.ts";
 import { wouldTeach } from "../../src/session/NextTouch.tsx";
-import { closer, fromPrior, identities } from "../../src/session/posterior.ts";
+import { closer, identities } from "../../src/session/posterior.ts";
 
 const belief = (revision) => ({ revision, n_readings: revision, objects: [], poses: [], entropy_bits: 2 });
 let model;
@@ -37,6 +37,7 @@ test("a reading counts from its arrival to its retraction", () => {
 });
 
 const reading = (number, bits, fit) => ({ number, bits, fit_bits: fit });
+const best = (name, probability) => ({ object: name, name, probability });
 
 test("touches are coloured by bits while readings contribute some", () => {
   model.explanation.value = { readings: [reading(0, 0.2, 9), reading(1, null, -3)] };
@@ -49,15 +50,32 @@ test("touches are coloured by fit once no reading contributes", () => {
   assert.equal(model.coloring.value, "fit");
 });
 
+test("without fits and contributions, touches are coloured by what they changed when they came", () => {
+  model.explanation.value = { answer: { object: "mug", name: "mug", probability: 0.8 }, readings: [reading(0, 0, null), reading(1, 0, null)] };
+  assert.equal(model.coloring.value, "came");
+  const step = (revision, probability) => ({ revision, n_readings: revision, objects: [best("mug", probability)], unknown: 0.1, entropyBits: 1 });
+  model.prior.value = { ...belief(0), objects: [best("mug", 0.1)] };
+  model.steps.value = [step(1, 0.4), step(2, 0.8)];
+  model.readings.value = [{ number: 0 }, { number: 1 }, { number: 2 }];
+  // Of 3 bits from the prior to now, the first reading brought 2 and the second 1; the third has no step yet.
+  const came = [...model.came.value].map(([number, bits]) => [number, bits && Math.round(bits * 1e9) / 1e9]);
+  assert.deepEqual(came, [[0, 2], [1, 1], [2, undefined]]);
+  assert.equal(model.valueOf({ number: 1 }), model.came.value.get(1));
+});
+
+test("what made a revision is what the server lists", () => {
+  model.readings.value = [{ number: 0, retracted_by: 3 }, { number: 1 }];
+  assert.deepEqual([1, 2, 3, 4].map((revision) => model.changeAt(revision)), ["reading", "reading", "retraction", undefined]);
+});
+
 test("without fits nothing is coloured by fit unless chosen", () => {
-  model.explanation.value = { readings: [reading(0, 0, null)] };
+  model.explanation.value = { readings: [reading(0, 0.2, null)] };
   assert.equal(model.coloring.value, "bits");
   model.colorBy.value = "fit";
   assert.equal(model.coloring.value, "fit");
   assert.deepEqual([...model.tints.value], [[0, null]]);
 });
 
-const best = (name, probability) => ({ object: name, name, probability });
 
 test("a live belief makes a step with its ten likeliest objects", () => {
   const objects = Array.from({ length: 12 }, (_, i) => best(`o${i}`, 1 / 12));
@@ -70,7 +88,7 @@ test("a live belief makes a step with its ten likeliest objects", () => {
   assert.equal(stepOf({ ...belief(5), objects }).unknown, 0);
 });
 
-const step = (revision, objects, unknown = 0) => ({ revision, nReadings: revision, objects, unknown, entropyBits: 1, what: "reading" });
+const step = (revision, objects, unknown = 0) => ({ revision, nReadings: revision, objects, unknown, entropyBits: 1 });
 
 test("the posterior has a line for each object, the likeliest now first", () => {
   const lines = identities([step(1, [best("mug", 0.6), best("gear", 0.4)]), step(2, [best("gear", 0.9)])]);

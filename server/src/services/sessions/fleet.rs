@@ -10,6 +10,7 @@ use palpate_store::journal::{Entry, Event};
 use uuid::Uuid;
 
 use super::attention::{Handled, Judgement, Rank, Seen, judge};
+use super::search::has_words;
 use super::{SessionError, Sessions};
 use crate::cause::Cause;
 use crate::clock::now_ms;
@@ -21,6 +22,8 @@ use crate::wire::{Invalid, count, time, within};
 
 /// Maximum number of sessions in an answer: as many as one stream of events follows.
 const SESSIONS_MAX: u64 = 100;
+/// Maximum length of a search, characters.
+const SEARCH_MAX: usize = 200;
 /// Number of newest entries among which the newest reading is looked for.
 const READINGS: u64 = 64;
 /// Maximum time of a mute, seconds: a week.
@@ -64,6 +67,11 @@ impl Sessions {
         let asked = query.limit.map_or(SESSIONS_MAX, u64::from);
         let limit = within("?limit", asked, 1, SESSIONS_MAX)? as usize;
         let after = query.cursor.as_deref().map(rank).transpose()?;
+        let n_letters = query.search.as_ref().map_or(0, |search| search.chars().count());
+        if n_letters > SEARCH_MAX {
+            let detail = format!("has {n_letters} characters, expected at most {SEARCH_MAX}");
+            return Err(Invalid::field("?search", detail).into());
+        }
         let sessions = Arc::clone(self);
         let listing = move || sessions.fleet_now(&query, after, limit);
         self.tools.pool.place()?.run_long(listing).await?
@@ -145,6 +153,15 @@ impl Sessions {
         open.retain(|one| {
             after.is_none_or(|after| one.rank > after) && (one.is_needed || !only_needed)
         });
+        if let Some(search) = &query.search {
+            let mut found = Vec::new();
+            for one in open {
+                if has_words(&self.show_as(&one.session, one.status)?, search) {
+                    found.push(one);
+                }
+            }
+            open = found;
+        }
         open.sort_unstable_by_key(|one| one.rank);
         let more = open.len() > limit;
         open.truncate(limit);

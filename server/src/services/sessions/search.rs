@@ -50,7 +50,7 @@ impl Search {
         query.state.is_none_or(|state| session.state == state)
             && query.catalogue.as_ref().is_none_or(|name| session.catalogue == *name)
             && query.method.is_none_or(|method| session.method == method)
-            && query.robot.as_ref().is_none_or(|robot| session.touched_by.contains(robot))
+            && query.robot.as_ref().is_none_or(|robot| is_of(session, robot))
             && query.with_truth.is_none_or(|with| session.truth.is_some() == with)
             && self.labels.fits(&session.labels)
             && query.cell.as_ref().is_none_or(|cell| session.cell.as_ref() == Some(cell))
@@ -67,6 +67,29 @@ impl Search {
         self.query.object.as_ref().is_none_or(is_object)
             && self.query.none_of_these.is_none_or(|wanted| wanted == is_none)
     }
+}
+
+/// Whether a robot of this name, or of a name that begins as `asked` does before its `*`, touched.
+fn is_of(session: &wire::Session, asked: &str) -> bool {
+    let fits = |name: &String| match asked.strip_suffix('*') {
+        Some(beginning) => name.starts_with(beginning),
+        None => name == asked,
+    };
+    session.touched_by.iter().any(fits)
+}
+
+/// Whether every word of a search is in the id, a robot, the catalogue, the method, a label or the
+/// likeliest answer of a session, in any case.
+pub(super) fn has_words(session: &wire::Session, search: &str) -> bool {
+    let best = session.latest.iter().flat_map(|latest| &latest.best).map(|best| &best.name);
+    let labels = session.labels.iter().map(|(key, value)| format!("{key}={value}"));
+    let mut text = format!("{} {} {:?}", session.id, session.catalogue, session.method);
+    for part in session.touched_by.iter().chain(best).cloned().chain(labels) {
+        text.push(' ');
+        text.push_str(&part);
+    }
+    let text = text.to_lowercase();
+    search.to_lowercase().split_whitespace().all(|word| text.contains(word))
 }
 
 /// Object of a session, as far as it is known.
