@@ -2,7 +2,7 @@
 //!
 //! Writers send readings as fast as they are answered, into sessions that live for a minute,
 //! one in ten of which lives much longer. Beside them objects are trained, meshes replaced,
-//! keys created and revoked, and all of it is audited. The stored and the live bytes are read
+//! keys created and revoked, sessions searched by label, and all of it is audited. The stored and the live bytes are read
 //! from the server's metrics. At the end the server is killed under the load and started
 //! again, and every acknowledged reading is looked up.
 
@@ -149,10 +149,10 @@ async fn watched(
 async fn written(mix: &Mix, material: &Material, writers: &mut [Writer], robots: &[Robot]) {
     let writing = writers.iter_mut().map(|writer| writer.write(mix, material));
     let teaching = robots.first().map(|robot| mix::teach(mix, robot));
-    let teaching = async {
-        if let Some(teaching) = teaching {
-            teaching.await;
-        }
-    };
-    tokio::join!(futures::future::join_all(writing), teaching);
+    let searching = robots.first().map(|robot| mix::search(mix, robot));
+    let beside = futures::future::join(
+        futures::future::OptionFuture::from(teaching),
+        futures::future::OptionFuture::from(searching),
+    );
+    tokio::join!(futures::future::join_all(writing), beside);
 }

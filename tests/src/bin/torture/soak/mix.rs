@@ -25,6 +25,10 @@ const KEPT_EVERY: u64 = 10;
 const TEACH_EVERY: Duration = Duration::from_secs(2);
 /// One change in this many is a training.
 const TRAIN_EVERY: u64 = 15;
+/// Number of different labels of sessions.
+const LABELS: u64 = 8;
+/// Time between two searches by a label.
+const SEARCH_EVERY: Duration = Duration::from_millis(500);
 /// Pause of a writer after the server refused it as overloaded.
 const BUSY_PAUSE: Duration = Duration::from_millis(50);
 
@@ -54,6 +58,9 @@ pub(super) struct Counts {
     pub(super) longest_pause_at: Duration,
     /// Longest time of one request.
     pub(super) longest_request: Duration,
+    /// Number of searches by a label, and the longest of them.
+    pub(super) searches: u64,
+    pub(super) longest_search: Duration,
     /// Number of pauses longer than 250 ms.
     pub(super) long_pauses: u64,
     begun: Option<Instant>,
@@ -208,7 +215,8 @@ impl Writer {
 
     async fn begin(&mut self, mix: &Mix, removed: Option<Instant>) -> Option<Session> {
         let path = format!("{}/v1/sessions", mix.url);
-        let request = json!({ "method": "appearance" });
+        let batch = (self.n_begun % LABELS).to_string();
+        let request = json!({"method": "appearance", "labels": {"batch": batch}});
         let begun = send(&self.client, Method::POST, path, Some(&request)).await.done()?;
         let id = begun["id"].as_str()?.to_owned();
         Some(Session { id, acknowledged: 0, sent: 0, removed })
@@ -277,6 +285,25 @@ pub(super) async fn teach(mix: &Mix, robot: &Robot) {
             send(teacher, Method::POST, path, Some(&training)).await;
         }
         tokio::time::sleep(TEACH_EVERY).await;
+    }
+}
+
+/// Searches sessions by a label until the mix ends.
+pub(super) async fn search(mix: &Mix, robot: &Robot) {
+    for turn in 0_u64.. {
+        if mix.acknowledged.has_ended() {
+            return;
+        }
+        let label = turn % LABELS;
+        let path = format!("{}/v1/sessions?labels=batch:{label}&limit=100", mix.url);
+        let begun = Instant::now();
+        if let Outcome::Done(_) = send(&robot.client, Method::GET, path, None).await {
+            mix.acknowledged.change(|counts| {
+                counts.searches += 1;
+                counts.longest_search = counts.longest_search.max(begun.elapsed());
+            });
+        }
+        tokio::time::sleep(SEARCH_EVERY).await;
     }
 }
 
