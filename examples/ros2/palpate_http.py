@@ -4,6 +4,7 @@ A generated client (docs/clients.md) offers the same with types; this one needs 
 on a robot.
 """
 
+import http.client
 import json
 import struct
 import time
@@ -26,6 +27,17 @@ class Refused(Exception):
         self.problem = problem
 
 
+class Unanswered(Exception):
+    """A call without an answer of Palpate: no connection, a broken one, or a proxy's own words.
+
+    Whether the request took effect is unknown.
+    """
+
+
+UNITS_M = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 25.4e-3}
+"""Units of mesh files, metres."""
+
+
 class Palpate:
     """A server at a URL, with a key if it requires one."""
 
@@ -35,7 +47,9 @@ class Palpate:
 
     def open_session(self, frame_id, **options):
         """Starts a session with sensor poses in `frame_id` and returns its id."""
-        return self._json("POST", "/v1/sessions", {"frame_id": frame_id, **options})["id"]
+        # Not repeated: the first attempt may have made one.
+        body = {"frame_id": frame_id, **options}
+        return self._json("POST", "/v1/sessions", body, is_repeatable=False)["id"]
 
     def add_readings(self, session, readings):
         """Adds readings and returns the belief. Repeated readings count once, by robot and seq."""
@@ -73,31 +87,46 @@ class Palpate:
                 return None
             raise
         box = stl_box(stl)
-        scale = {"m": 1.0, "mm": 0.001}[mesh["unit"]]
-        return box and [[scale * c for c in corner] for corner in box]
+        scale = UNITS_M.get(mesh["unit"])
+        return box and scale and [[scale * c for c in corner] for corner in box]
 
-    def _json(self, method, path, body=None):
-        return json.loads(self._request(method, path, body))
+    def _json(self, method, path, body=None, is_repeatable=True):
+        answer = self._request(method, path, body, is_repeatable)
+        try:
+            return json.loads(answer)
+        except ValueError:
+            raise Unanswered(f"{method} {path}: the answer is not JSON: {answer[:80]!r}") from None
 
-    def _request(self, method, path, body=None):
+    def _request(self, method, path, body=None, is_repeatable=True):
         headers = dict(self.headers)
         data = None
         if body is not None:
             data, headers["content-type"] = json.dumps(body).encode(), "application/json"
         request = urllib.request.Request(self.url + path, data, headers, method=method)
-        for attempt in range(1, ATTEMPTS + 1):
+        attempts = ATTEMPTS if is_repeatable else 1
+        for attempt in range(1, attempts + 1):
             try:
                 with urllib.request.urlopen(request, timeout=self.timeout) as answer:
                     return answer.read()
             except urllib.error.HTTPError as error:
-                problem, wait = json.loads(error.read()), seconds_to_wait(error.headers)
-                if wait is None or wait > WAIT_S_MAX or attempt == ATTEMPTS:
-                    raise Refused(problem) from None
-            except OSError:  # no answer: it may be stored, so the same again
-                if attempt == ATTEMPTS:
-                    raise
+                wait = seconds_to_wait(error.headers)
+                if wait is None or wait > WAIT_S_MAX or attempt == attempts:
+                    raise refusal(error) from None
+            except (OSError, http.client.HTTPException) as error:  # it may be stored: the same again
+                if attempt == attempts:
+                    raise Unanswered(f"{method} {path}: {error!r}") from error
                 wait = RETRY_AFTER_S
             time.sleep(wait)
+
+
+def refusal(error):
+    """Returns the exception of an answer other than 2xx: the server's problem, or a proxy's words."""
+    try:
+        body = error.read()
+        problem = json.loads(body)
+        return Refused({**problem, "status": error.code})
+    except (OSError, http.client.HTTPException, ValueError, TypeError, KeyError):
+        return Unanswered(f"status {error.code} without a problem document")
 
 
 def seconds_to_wait(headers):

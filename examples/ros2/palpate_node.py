@@ -23,7 +23,7 @@ from vision_msgs.msg import Detection3D, Detection3DArray, ObjectHypothesisWithP
 
 from detections import detection_array
 from messages import fill
-from palpate_http import Palpate, Refused
+from palpate_http import Palpate, Refused, Unanswered
 from readings import reading
 
 PARAMETERS = {
@@ -67,20 +67,25 @@ class PalpateNode(Node):
                 self.value("frame_id"), self.value("sensor_frame"), Time()
             )
             belief = self.send(message, found)
-        except (TransformException, Refused, OSError) as reason:
+            answer = detection_array(
+                belief, self.value("frame_id"), stamp_of(found), self.boxes, self.value("orbits")
+            )
+            self.publisher.publish(fill(Detection3DArray(), answer, TYPES))
+        except (TransformException, Refused, Unanswered) as reason:
             self.get_logger().error(f"a press was not sent: {reason}")
-            return
-        answer = detection_array(
-            belief, self.value("frame_id"), stamp_of(found), self.boxes, self.value("orbits")
-        )
-        self.publisher.publish(fill(Detection3DArray(), answer, TYPES))
+        except Exception as fault:  # an exception that leaves a callback ends the node
+            self.get_logger().error(f"a press was lost by a fault of this node: {fault!r}")
 
     def send(self, message, found):
         """Returns the belief after one press. The first press starts a session."""
         if self.session is None:
             options = {"catalogue": self.value("catalogue")}
             self.session = self.palpate.open_session(self.value("frame_id"), **options)
-            self.boxes = self.palpate.boxes(self.session)
+            try:
+                self.boxes = self.palpate.boxes(self.session)
+            except (Refused, Unanswered) as reason:
+                self.boxes = {}
+                self.get_logger().warning(f"detections have no boxes: {reason}")
         self.seq += 1
         t, q = found.transform.translation, found.transform.rotation
         press = reading(
@@ -100,7 +105,7 @@ class PalpateNode(Node):
             if self.session is not None:
                 self.palpate.close_session(self.session)
             self.session, response.success = None, True
-        except (Refused, OSError) as reason:
+        except (Refused, Unanswered) as reason:
             response.success, response.message = False, str(reason)
         return response
 

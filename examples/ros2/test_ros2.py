@@ -4,15 +4,17 @@ import copy
 import json
 import math
 import os
+import socket
 import struct
 import sys
+import threading
 import unittest
 import unittest.mock
 from types import SimpleNamespace
 
 from detections import NO_POSE_VARIANCE, detection_array
 from messages import fill
-from palpate_http import Palpate, Refused, stl_box
+from palpate_http import UNITS_M, Palpate, Refused, Unanswered, stl_box
 from readings import reading
 from symmetry import orbit, rotate
 
@@ -182,7 +184,7 @@ class Node(unittest.TestCase):
             create_service = create_subscription
 
             def get_logger(self):
-                return SimpleNamespace(error=test.errors.append)
+                return SimpleNamespace(error=test.errors.append, warning=test.errors.append)
 
         def header():
             return SimpleNamespace(frame_id="", stamp=SimpleNamespace(sec=0, nanosec=0))
@@ -273,6 +275,108 @@ class Node(unittest.TestCase):
         self.assertEqual(self.errors, ["a press was not sent: closed: the session is closed"])
         self.assertEqual([call.args[0] for call in server.add_readings.call_args_list], ["first", "second"])
         self.assertEqual(len(self.published), 1)
+
+
+    def test_no_failure_of_a_call_leaves_the_callback(self):
+        self.node.buffer.lookup_transform = lambda *_: SimpleNamespace(
+            header=SimpleNamespace(stamp=SimpleNamespace(**STAMP)),
+            transform=SimpleNamespace(
+                translation=SimpleNamespace(x=0.0, y=0.0, z=0.0),
+                rotation=SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0),
+            ),
+        )
+        for answer in ANSWERS:
+            with self.subTest(answer=answer[:40]), answering(answer) as url:
+                self.node.palpate = Palpate(url, timeout=2.0)
+                self.node.session = "s"
+                self.errors.clear()
+                with unittest.mock.patch("palpate_http.RETRY_AFTER_S", 0.0):
+                    self.node.press(SimpleNamespace(data=[0.0]))
+                self.assertEqual(len(self.errors), 1, self.errors)
+        self.node.palpate = unittest.mock.Mock(add_readings=lambda *_: {"poses": "of another form"})
+        self.node.press(SimpleNamespace(data=[0.0]))
+        self.assertIn("fault of this node", self.errors[-1])
+
+    def test_boxes_that_cannot_be_had_do_not_lose_the_press(self):
+        self.node.palpate = unittest.mock.Mock()
+        self.node.palpate.boxes.side_effect = Unanswered("no mesh")
+        self.node.palpate.add_readings.return_value = belief()
+        transform = SimpleNamespace(
+            translation=SimpleNamespace(x=0.0, y=0.0, z=0.0),
+            rotation=SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0),
+        )
+        stamp = SimpleNamespace(stamp=SimpleNamespace(**STAMP))
+        found = SimpleNamespace(header=stamp, transform=transform)
+        self.assertIs(self.node.send(SimpleNamespace(data=[0.0]), found)["session"], "s")
+
+
+class Calls(unittest.TestCase):
+    def test_every_failure_is_one_of_two_exceptions(self):
+        for answer in ANSWERS:
+            with self.subTest(answer=answer[:40]), answering(answer) as url:
+                with unittest.mock.patch("palpate_http.RETRY_AFTER_S", 0.0):
+                    with self.assertRaises((Refused, Unanswered)):
+                        Palpate(url, timeout=2.0).close_session("s")
+
+    def test_every_unit_of_the_api_has_its_length(self):
+        root = os.path.join(os.path.dirname(__file__), "../../schemas/openapi.json")
+        with open(root, encoding="utf-8") as file:
+            units = json.load(file)["components"]["schemas"]["MeshUnit"]
+        named = units.get("enum") or [one["const"] for one in units["oneOf"]]
+        self.assertEqual(set(named), set(UNITS_M))
+
+
+def http_answer(status, body, **headers):
+    """An answer as bytes."""
+    lines = [f"HTTP/1.1 {status} Whatever", f"Content-Length: {len(body)}", "Connection: close"]
+    lines += [f"{name}: {value}" for name, value in headers.items()]
+    return ("\r\n".join(lines) + "\r\n\r\n").encode() + body
+
+
+ANSWERS = [
+    http_answer(502, b"<html>bad gateway</html>"),
+    http_answer(200, b"<html>sign in first</html>"),
+    http_answer(200, b""),
+    http_answer(200, b"\xff\xfe"),
+    http_answer(500, b"[]"),
+    http_answer(500, b"{}"),
+    http_answer(503, b"busy", **{"Retry-After": "soon"}),
+    http_answer(404, json.dumps({"title": "not found", "detail": "gone"}).encode()),
+    http_answer(302, b"", Location="http://127.0.0.1:1/"),
+    b"HTTP/1.1 200 OK\r\nContent-Length: 500\r\n\r\n{\"belief\"",
+    b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\nzz\r\n",
+    b"not http at all\r\n\r\n",
+    b"",
+]
+"""What comes instead of an answer: of proxies, of broken connections, of other programs."""
+
+
+class answering:  # noqa: N801, used like a function
+    """A server that gives the same bytes to every request and closes."""
+
+    def __init__(self, answer):
+        self.answer = answer
+
+    def __enter__(self):
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        threading.Thread(target=self.serve, daemon=True).start()
+        return f"http://127.0.0.1:{self.listener.getsockname()[1]}"
+
+    def serve(self):
+        try:
+            while True:
+                connection, _ = self.listener.accept()
+                with connection:
+                    connection.recv(65536)
+                    connection.sendall(self.answer)
+                    connection.shutdown(socket.SHUT_WR)
+                    while connection.recv(65536):
+                        pass
+        except OSError:  # the listener or the connection was closed
+            pass
+
+    def __exit__(self, *_):
+        self.listener.close()
 
 
 @unittest.skipUnless(os.environ.get("PALPATE_SERVER"), "PALPATE_SERVER names no server")
