@@ -80,8 +80,8 @@ pub(crate) enum RequestError {
     Malformed { format: &'static str, reason: String, errors: Vec<FieldError> },
     #[error("the request's path or body cannot be read: {reason}")]
     Unreadable { reason: String },
-    #[error("the body is longer than {max} bytes")]
-    BodyTooLarge { max: usize },
+    #[error("the body is longer than {}{}", megabytes(*.max), .advice)]
+    BodyTooLarge { max: usize, advice: &'static str },
     #[error("the body did not arrive within {within:?}")]
     BodyTooSlow { within: Duration },
     #[error("the content type is {found:?}, expected {expected}")]
@@ -125,6 +125,15 @@ pub(crate) enum LoadError {
     TooSlow { within: Duration },
     #[error(transparent)]
     ShareFull(#[from] ShareFull),
+}
+
+/// What to do about a mesh file that is too long.
+pub(crate) const SMALLER_MESH: &str = ": decimate the mesh (touch feels nothing finer than 0.1 mm), \
+    or send it as binary PLY, GLB or 3MF, which are half as long as STL or shorter";
+
+/// A number of bytes as people write it.
+fn megabytes(bytes: usize) -> String {
+    if bytes < 1_000_000 { format!("{bytes} bytes") } else { format!("{} MB", bytes / 1_000_000) }
 }
 
 fn role_name(role: palpate_store::access::Role) -> &'static str {

@@ -11,7 +11,7 @@ use crate::admission::share;
 use crate::app::App;
 use crate::budget::{Budget, Holding, Over};
 use crate::client::Client;
-use crate::refusal::{LoadError, Refusal, RequestError};
+use crate::refusal::{LoadError, Refusal, RequestError, SMALLER_MESH};
 
 /// Multiple of its limit up to which a too long body is read and discarded, so that the
 /// robot, still sending, gets to read the answer.
@@ -37,12 +37,14 @@ pub(super) async fn receive(
     let config = &app.config;
     let is_json = content_type_is_structured(&request);
     let max = if is_json { config.json_bytes_max } else { config.mesh_bytes_max };
+    let advice = if is_json { "" } else { SMALLER_MESH };
     let time = Time { whole: config.body_timeout, pause: config.patience.body };
     let (parts, body) = request.into_parts();
     let reading = read(body, max, &mut room, bodies, time.pause);
     let within = time.whole;
     let bytes = tokio::time::timeout(within, reading).await;
     let bytes = bytes.map_err(|_| RequestError::BodyTooSlow { within })??;
+    let bytes = bytes.ok_or(RequestError::BodyTooLarge { max, advice })?;
     Ok((Request::from_parts(parts, Body::from(bytes)), room))
 }
 
@@ -53,13 +55,14 @@ fn content_type_is_structured(request: &Request) -> bool {
     value.contains("json") || value.contains("msgpack")
 }
 
+/// The body, or nothing if it is longer than `max`.
 async fn read(
     body: Body,
     max: usize,
     room: &mut Holding,
     bodies: &Budget,
     pause: Duration,
-) -> Result<Bytes, Refusal> {
+) -> Result<Option<Bytes>, Refusal> {
     let mut stream = body.into_data_stream();
     let mut bytes = Vec::new();
     let mut length = 0usize;
@@ -78,7 +81,7 @@ async fn read(
             break;
         }
     }
-    if length > max { Err(RequestError::BodyTooLarge { max }.into()) } else { Ok(bytes.into()) }
+    Ok((length <= max).then(|| bytes.into()))
 }
 
 fn full(bodies: &Budget, over: Over) -> LoadError {
