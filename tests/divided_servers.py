@@ -55,9 +55,9 @@ def train(folder, servers):
         file = f"{folder}/box.stl"
         with open(file, "wb") as opened:
             opened.write(box(24 + number % 6 * 5, 26 + number // 6 % 5 * 6, 30 + number // 30 * 7))
-        palpate("objects", "add", name, "--mesh", file, server=alone)
+        palpate("objects", "add", name, "--mesh", file, "--unit", "mm", server=alone)
     for name in ("mug", "hammer"):
-        palpate("objects", "add", name, "--mesh", f"{folder}/meshes/{name}.stl", server=alone)
+        palpate("objects", "add", name, "--mesh", f"{folder}/meshes/{name}.stl", "--unit", "mm", server=alone)
     wanted = {"readings_per_object": 40, "sva": False, "surface": True, "n_classes": 2}
     job = alone.call("POST", "/v1/catalogues/default/trainings", wanted)["id"]
     state = lambda: alone.call("GET", f"/v1/jobs/{job}")["state"]

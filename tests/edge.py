@@ -255,7 +255,7 @@ def run(world, readings):
 
     # A session on a version that the central server does not have waits, and is named.
     for name in ("mug", "hammer"):
-        palpate("objects", "add", name, "--mesh", f"{world.folder}/meshes/{name}.stl", server=world.cell)
+        palpate("objects", "add", name, "--mesh", f"{world.folder}/meshes/{name}.stl", "--unit", "mm", server=world.cell)
     palpate("train", "--catalogue", "own", "--readings-per-object", "60", server=world.cell)
     own = world.begin(catalogue="own")
     add(world.cell, own, [readings[0]])

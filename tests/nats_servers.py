@@ -111,7 +111,7 @@ def train_in_a_folder(folder, servers):
     alone = servers.start("folder")
     palpate("objects", "example", "--all", "--out", f"{folder}/meshes")
     for name in ("mug", "hammer"):
-        palpate("objects", "add", name, "--mesh", f"{folder}/meshes/{name}.stl", server=alone)
+        palpate("objects", "add", name, "--mesh", f"{folder}/meshes/{name}.stl", "--unit", "mm", server=alone)
     palpate("train", "--readings-per-object", "60", server=alone)
     alone.stop()
 

@@ -21,7 +21,8 @@ Examples:
   palpate demo                                see it all, with simulated robots
   palpate serve --data ./palpate-data         run the service
   palpate objects example mug --out .         write an example mesh, mug.stl
-  palpate objects add mug --mesh mug.stl      add it to the service
+  palpate objects add mug --mesh mug.stl --unit mm
+                                              add it to the service
   palpate train                               train all objects
   palpate touch --object mug --mesh mug.stl --readings 15 --seed 7
 

@@ -16,9 +16,9 @@ use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
-use palpate_core::units::MM;
+use palpate_core::units::{MM, Shown};
 use palpate_sim::controller::{Landing, RecenterConfig, touch_recentered};
-use palpate_sim::mesh::{Mesh, MeshFormat};
+use palpate_sim::mesh::{Mesh, MeshFile, MeshFormat, other_content};
 use palpate_sim::press::PressSimulator;
 use palpate_sim::rig::{INDENTATION, PlanarPose};
 use palpate_sim::sampler::{SampleError, SamplerConfig, touch_anywhere};
@@ -204,26 +204,38 @@ impl Robot {
     }
 }
 
-/// Reads a mesh file; its extension gives the format.
-pub(crate) fn read_mesh(path: &Path, unit: MeshUnit) -> anyhow::Result<Mesh> {
+/// Reads a mesh file in `unit`, or millimetres, if the file does not record its own.
+pub(crate) fn read_mesh(path: &Path, unit: Option<MeshUnit>) -> anyhow::Result<MeshFile> {
     let (format, bytes) = read_mesh_file(path)?;
-    Mesh::from_bytes(format, &bytes, unit.metres())
+    let unit = unit.or(Some(MeshUnit::Mm).filter(|_| !format.knows_its_unit()));
+    Mesh::read(format, &bytes, unit.map(MeshUnit::metres))
         .with_context(|| format!("{} is not a mesh that can be touched", path.display()))
 }
 
-/// Text on the interpretation of a mesh file: the unit, and the resulting size.
-pub(crate) fn read_as(unit: MeshUnit, mesh: &Mesh) -> String {
-    let (low, high) = mesh.bounds();
-    let [x, y, z] = ((high - low) / MM).to_array();
-    format!("mesh read as {}: {x:.1} × {y:.1} × {z:.1} mm", output::word(&unit))
+/// Text on the interpretation of a mesh file: the resulting size, and what is remarkable.
+pub(crate) fn read_as(file: &MeshFile) -> String {
+    let units = [MeshUnit::M, MeshUnit::Mm, MeshUnit::Cm, MeshUnit::In];
+    let named = units.iter().find(|unit| (unit.metres() / file.unit - 1.0).abs() < 1e-9);
+    let unit = named.map_or(format!("{} mm", Shown(file.unit / MM)), output::word);
+    let [x, y, z] = (file.mesh.extent() / MM).to_array();
+    let mut text = format!("mesh read as {unit}: {x:.1} × {y:.1} × {z:.1} mm");
+    for remark in &file.remarks {
+        text += &format!("\nwarning: {remark}");
+    }
+    text
 }
 
-/// The bytes of a mesh file and its format, from its extension.
+/// The bytes of a mesh file and its format, from its extension or, failing that, its content.
 pub(crate) fn read_mesh_file(path: &Path) -> anyhow::Result<(MeshFormat, Vec<u8>)> {
-    let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
-    let format = MeshFormat::from_extension(extension)
-        .with_context(|| format!("{} is not named .stl, .obj, .ply or .off", path.display()))?;
     let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
+    let format = MeshFormat::from_extension(extension).or(MeshFormat::from_content(&bytes));
+    let format = format.with_context(|| match other_content(&bytes) {
+        Some(found) => format!("{} is {found}", path.display()),
+        None => {
+            format!("{} is not named .stl, .obj, .ply, .off, .glb or .3mf", path.display())
+        }
+    })?;
     Ok((format, bytes))
 }
 
@@ -234,6 +246,8 @@ pub(crate) fn wire_format(format: MeshFormat) -> schemas::MeshFormat {
         MeshFormat::Obj => schemas::MeshFormat::Obj,
         MeshFormat::Ply => schemas::MeshFormat::Ply,
         MeshFormat::Off => schemas::MeshFormat::Off,
+        MeshFormat::Glb => schemas::MeshFormat::Glb,
+        MeshFormat::ThreeMf => schemas::MeshFormat::ThreeMf,
     }
 }
 

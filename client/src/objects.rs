@@ -84,7 +84,7 @@ impl Client {
         self.send_for_nothing(Request::delete(["v1", "objects", object])).await
     }
 
-    /// Uploads or replaces an object's mesh.
+    /// Uploads or replaces an object's mesh. GLB and 3MF files need no unit.
     ///
     /// # Errors
     /// [`Error`].
@@ -92,7 +92,7 @@ impl Client {
         &self,
         object: &str,
         format: MeshFormat,
-        unit: MeshUnit,
+        unit: impl Into<Option<MeshUnit>>,
         file: Bytes,
     ) -> Result<MeshReport, Error> {
         let media_type = match format {
@@ -100,9 +100,11 @@ impl Client {
             MeshFormat::Obj => "model/obj",
             MeshFormat::Ply => "model/ply",
             MeshFormat::Off => "model/off",
+            MeshFormat::Glb => "model/gltf-binary",
+            MeshFormat::ThreeMf => "model/3mf",
         };
         let request = Request::put(["v1", "objects", object, "mesh"])
-            .query("unit", Some(unit.name()))
+            .query("unit", unit.into().map(MeshUnit::name))
             .raw(media_type, file);
         self.send(request).await
     }

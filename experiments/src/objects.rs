@@ -73,7 +73,10 @@ pub fn from_folder(folder: &Path, size: f64) -> anyhow::Result<Vec<TestObject>> 
         named.push(TestObject::new(name.unwrap_or_default(), &mesh, size));
     }
     if named.is_empty() {
-        bail!("{} holds no mesh, expected .stl, .obj, .ply or .off files", folder.display());
+        bail!(
+            "{} holds no mesh, expected .stl, .obj, .ply, .off, .glb or .3mf files",
+            folder.display()
+        );
     }
     Ok(named)
 }

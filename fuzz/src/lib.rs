@@ -20,10 +20,11 @@ use palpate_store::snapshot::{self, SnapshotHeader, SnapshotWriter};
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets.
-pub const TARGETS: [Target; 7] = [
+pub const TARGETS: [Target; 8] = [
     ("mesh_stl", mesh_stl),
     ("mesh_ply", mesh_ply),
     ("mesh_text", mesh_text),
+    ("mesh_packed", mesh_packed),
     ("snapshot", snapshot),
     ("record", record),
     ("model", model),
@@ -42,8 +43,17 @@ pub fn mesh_ply(bytes: &[u8]) {
 
 /// Parses an OFF file if it begins like one, otherwise an OBJ file.
 pub fn mesh_text(bytes: &[u8]) {
-    let format = if bytes.starts_with(b"OFF") { MeshFormat::Off } else { MeshFormat::Obj };
+    let format = match MeshFormat::from_content(bytes) {
+        Some(MeshFormat::Off) => MeshFormat::Off,
+        _ => MeshFormat::Obj,
+    };
     mesh(format, bytes);
+}
+
+/// Parses a 3MF file if it begins like an archive, otherwise a GLB file.
+pub fn mesh_packed(bytes: &[u8]) {
+    let is_archive = bytes.starts_with(b"PK");
+    mesh(if is_archive { MeshFormat::ThreeMf } else { MeshFormat::Glb }, bytes);
 }
 
 /// Parses a mesh; an accepted mesh can be touched, and reads back unchanged after it is written.

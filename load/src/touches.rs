@@ -99,6 +99,8 @@ async fn mesh(client: &Client, id: &str) -> anyhow::Result<Option<Mesh>> {
         wire::MeshFormat::Obj => MeshFormat::Obj,
         wire::MeshFormat::Ply => MeshFormat::Ply,
         wire::MeshFormat::Off => MeshFormat::Off,
+        wire::MeshFormat::Glb => MeshFormat::Glb,
+        wire::MeshFormat::ThreeMf => MeshFormat::ThreeMf,
     };
     let file = client.mesh(id).await?;
     Ok(Some(Mesh::from_bytes(format, &file, info.unit.metres())?))

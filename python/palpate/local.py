@@ -26,14 +26,19 @@ UNITS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 25.4e-3}
 DEFAULT_SENSOR = "digitacts-6x6"
 
 
-def load_mesh(path: str | os.PathLike[str], *, unit: str) -> Mesh:
-    """The mesh of a file (STL, OBJ, PLY, OFF). The unit is mandatory: files do not record it."""
-    if unit not in UNITS:
+def load_mesh(path: str | os.PathLike[str], *, unit: str | None = None) -> Mesh:
+    """The mesh of a file (STL, OBJ, PLY, OFF, GLB, 3MF).
+
+    The unit is mandatory for all but GLB and 3MF, which record it. Warns of what is remarkable.
+    """
+    if unit is not None and unit not in UNITS:
         raise ValueError(f"unit: came {unit!r}, expected one of {', '.join(UNITS)}")
     file = Path(path)
     try:
-        return Mesh.from_bytes(file.read_bytes(), file.suffix, UNITS[unit])
+        return Mesh.from_bytes(file.read_bytes(), file.suffix, UNITS[unit] if unit else None)
     except ValueError as error:
+        if str(error).startswith("unit: "):
+            raise
         detail = str(error).removeprefix("content: ").removeprefix("format: ")
         raise ValueError(f"path: {file}: {detail}") from error
 

@@ -46,7 +46,14 @@ BODY_TAXELS = 500_000
 POLL_MIN, POLL_MAX = 0.1, 1.0
 """Seconds between two looks at a job; they grow."""
 
-MEDIA_TYPES = {"stl": "model/stl", "obj": "model/obj", "ply": "model/ply", "off": "model/off"}
+MEDIA_TYPES = {
+    "stl": "model/stl",
+    "obj": "model/obj",
+    "ply": "model/ply",
+    "off": "model/off",
+    "glb": "model/gltf-binary",
+    "3mf": "model/3mf",
+}
 
 Progress = Callable[[Job], None]
 
@@ -309,8 +316,8 @@ class Operations(Administration, Inspection):
     ) -> Steps[Document]:
         """Uploads or replaces an object's mesh: a `Mesh`, the path of a file, or its bytes.
 
-        `unit` (m, mm, cm, in) is mandatory for files, whose formats do not record it; `format`
-        (stl, obj, ply, off) is needed for bytes.
+        `unit` (m, mm, cm, in) is mandatory for files, except GLB and 3MF, which record it; `format`
+        (stl, obj, ply, off, glb, 3mf) is needed for bytes.
         """
         content: bytes
         if isinstance(mesh, Mesh):
@@ -320,7 +327,7 @@ class Operations(Administration, Inspection):
         else:
             content = Path(mesh).read_bytes()
             format = format or Path(mesh).suffix.removeprefix(".").lower()
-        if unit is None:
+        if unit is None and format not in ("glb", "3mf"):
             raise ValueError("unit: is missing, expected m, mm, cm or in: files do not record it")
         if format not in MEDIA_TYPES:
             raise ValueError(f"format: came {format!r}, expected one of {', '.join(MEDIA_TYPES)}")

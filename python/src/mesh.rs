@@ -6,6 +6,7 @@ use numpy::{IntoPyArray, PyArray2, PyReadonlyArray2};
 use palpate_core::stop::Stop;
 use palpate_sim::mesh::MeshFormat;
 use palpate_sim::{mesh, shapes};
+use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
@@ -54,21 +55,40 @@ impl Mesh {
         Ok(Self { mesh: mesh.map_err(|error| fault::of("vertices", error))? })
     }
 
-    /// The mesh of a file's bytes; `format` is an extension (stl, obj, ply, off), `unit` the
-    /// length of the file's unit in metres.
+    /// The mesh of a file's bytes; `format` is an extension (stl, obj, ply, off, glb, 3mf), `unit`
+    /// the length of the file's unit in metres, if the format does not record it. Warns of what is
+    /// remarkable, such as an unusual size.
     #[staticmethod]
-    fn from_bytes(py: Python<'_>, content: &[u8], format: &str, unit: f64) -> PyResult<Self> {
+    #[pyo3(signature = (content, format, unit=None))]
+    fn from_bytes(
+        py: Python<'_>,
+        content: &[u8],
+        format: &str,
+        unit: Option<f64>,
+    ) -> PyResult<Self> {
         let known = MeshFormat::from_extension(format).ok_or_else(|| {
-            fault::of("format", format!("came {format:?}, expected stl, obj, ply or off"))
+            let expected = "expected stl, obj, ply, off, glb or 3mf";
+            let detail = match mesh::other_content(content) {
+                Some(found) => format!("the file is {found}"),
+                None => format!("came {format:?}, {expected}"),
+            };
+            fault::of("format", detail)
         })?;
         let content = content.to_vec();
         let stop = Stop::never();
-        let read = interrupt::run(py, &stop, || mesh::Mesh::from_bytes(known, &content, unit))?;
+        let read = interrupt::run(py, &stop, || mesh::Mesh::read(known, &content, unit))?;
         let argument = |error: &mesh::MeshError| match error {
-            mesh::MeshError::Unit { .. } => "unit",
+            mesh::MeshError::Unit { .. }
+            | mesh::MeshError::UnitMissing { .. }
+            | mesh::MeshError::UnitContradicts { .. } => "unit",
             _ => "content",
         };
-        Ok(Self { mesh: read.map_err(|error| fault::of(argument(&error), error))? })
+        let read = read.map_err(|error| fault::of(argument(&error), error))?;
+        for remark in &read.remarks {
+            let text = std::ffi::CString::new(remark.to_string()).unwrap_or_default();
+            PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 2)?;
+        }
+        Ok(Self { mesh: read.mesh })
     }
 
     /// A built-in example, 80 mm large.

@@ -82,7 +82,8 @@ def test_a_file_is_the_mesh_it_was_written_from(tmp_path: Path) -> None:
     read = local.load_mesh(tmp_path / "hammer.off", unit="m")
     assert np.array_equal(read.vertices, mesh.vertices)
     assert np.array_equal(read.faces, mesh.faces)
-    millimetres = local.load_mesh(tmp_path / "hammer.off", unit="mm")
+    with pytest.warns(UserWarning, match=r"is the file in m \(80 mm\)"):
+        millimetres = local.load_mesh(tmp_path / "hammer.off", unit="mm")
     assert millimetres.largest_dimension == pytest.approx(mesh.largest_dimension / 1000)
     (tmp_path / "broken.stl").write_bytes(b"no mesh")
     for name in ("broken.stl", "hammer.step"):

@@ -126,6 +126,11 @@ pub enum MeshFormat {
     Ply,
     /// OFF (`model/off`).
     Off,
+    /// Binary glTF 2.0 (`model/gltf-binary`).
+    Glb,
+    /// 3MF (`model/3mf`).
+    #[serde(rename = "3mf")]
+    ThreeMf,
 }
 
 /// Parameters of a mesh upload.
@@ -133,8 +138,11 @@ pub enum MeshFormat {
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub struct MeshQuery {
-    /// Unit of the file's coordinates. Mandatory, because a wrong guess would go unnoticed.
-    pub unit: MeshUnit,
+    /// Unit of the file's coordinates. Mandatory for STL, OBJ, PLY and OFF, because they do not
+    /// record it and a wrong guess would go unnoticed. GLB is in metres and 3MF names its unit:
+    /// another one is refused.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unit: Option<MeshUnit>,
     /// Format of the file, if the content type is `application/octet-stream`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub format: Option<MeshFormat>,
@@ -145,7 +153,7 @@ pub struct MeshQuery {
 pub struct MeshInfo {
     /// Format of the file.
     pub format: MeshFormat,
-    /// Unit given at upload.
+    /// Unit given at upload, or recorded in the file (micrometres are shown as `mm`, feet as `in`).
     pub unit: MeshUnit,
     /// Length of the file in bytes.
     pub bytes: u64,

@@ -310,7 +310,7 @@ async fn read(request: Request, max: usize) -> Result<Bytes, Refusal> {
     }
     let length = request.body().size_hint().lower();
     if length > max as u64 {
-        return Err(RequestError::BodyTooLarge { max }.into());
+        return Err(RequestError::BodyTooLarge { max, advice: "" }.into());
     }
     let read = axum::body::to_bytes(request.into_body(), max).await;
     read.map_err(|error| RequestError::Unreadable { reason: error.to_string() }.into())

@@ -19,6 +19,7 @@ use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::units::Shown;
 use palpate_schemas::{Warning, WarningCode};
+pub(crate) use palpate_sim::mesh::{SIZE_LARGE, SIZE_SMALL};
 
 pub(crate) use clock::{SetBack, of_clock};
 pub(crate) use image_order::of_images;
@@ -29,12 +30,6 @@ use units::{is_structured, meant};
 /// Reach of an arm from the origin of its frame, metres. Chosen: the longest industrial arms
 /// reach 3 to 4 m.
 const REACH: f64 = 5.0;
-/// Largest plausible size of an object, metres. Chosen: a door or a table is 2 m, and objects
-/// that robots touch are smaller.
-pub(crate) const SIZE_LARGE: f64 = 2.0;
-/// Smallest plausible size of an object, metres. Chosen: half the width of the smallest
-/// preset's array.
-pub(crate) const SIZE_SMALL: f64 = 0.005;
 /// Share of the saturation above which no sensor reads: noise and calibration add less. Chosen.
 const SATURATION_SHARE_MAX: f64 = 1.5;
 /// Share of the saturation below which a press is weak. Chosen: twice the share from which a

@@ -85,8 +85,8 @@ pub(crate) enum RequestError {
     Host { found: String },
     #[error("the request's path or body cannot be read: {reason}")]
     Unreadable { reason: String },
-    #[error("the body is longer than {max} bytes")]
-    BodyTooLarge { max: usize },
+    #[error("the body is longer than {}{}", megabytes(*.max), .advice)]
+    BodyTooLarge { max: usize, advice: &'static str },
     #[error(
         "the values of the body take more than {max} bytes of memory: send them in several \
          requests"
@@ -133,6 +133,15 @@ pub(crate) enum LoadError {
     TooSlow { within: Duration },
     #[error(transparent)]
     ShareFull(#[from] ShareFull),
+}
+
+/// What to do about a mesh file that is too long.
+pub(crate) const SMALLER_MESH: &str = ": decimate the mesh (touch feels nothing finer than 0.1 mm), \
+    or send it as binary PLY, GLB or 3MF, which are half as long as STL or shorter";
+
+/// A number of bytes as people write it.
+fn megabytes(bytes: usize) -> String {
+    if bytes < 1_000_000 { format!("{bytes} bytes") } else { format!("{} MB", bytes / 1_000_000) }
 }
 
 fn role_name(role: palpate_store::access::Role) -> &'static str {

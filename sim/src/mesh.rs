@@ -4,23 +4,36 @@
 //! from outside, provided the file's triangles do. Not here: repairing holes; a mesh with
 //! holes can be touched like any other.
 
-mod error;
 mod format;
-mod measure;
+mod error;
+mod polygons;
+mod text;
+mod stl;
 mod obj;
 mod off;
 mod ply;
-mod stl;
+mod glb;
+mod three_mf;
+mod weld;
+mod cut;
+mod surface;
+mod assemble;
+mod read;
+mod measure;
+mod write;
 #[cfg(test)]
 pub(crate) mod tests_support;
-mod weld;
-mod write;
+#[cfg(test)]
+mod traps;
 
 use glam::DVec3;
 use palpate_core::pose::Pose;
+use polygons::check_count;
 
 pub use error::MeshError;
-pub use format::MeshFormat;
+pub use format::{MeshFormat, other_content};
+pub use read::MeshFile;
+pub use surface::{MeshRemark, SIZE_LARGE, SIZE_SMALL};
 
 /// Maximum number of triangles.
 pub const TRIANGLES_MAX: usize = 2_000_000;
@@ -73,23 +86,6 @@ impl Mesh {
             return Err(MeshError::Degenerate { extent });
         }
         Ok(mesh)
-    }
-
-    /// Reads a mesh from a file's bytes; one unit of the file is `unit` metres (0.001 for a
-    /// file in millimetres).
-    ///
-    /// Polygons become fans of triangles and vertices at the same place become one.
-    ///
-    /// # Errors
-    /// [`MeshError`] when the bytes are not of that format, contradict their own counts, or
-    /// do not make a mesh (see [`Mesh::new`]).
-    pub fn from_bytes(format: MeshFormat, bytes: &[u8], unit: f64) -> Result<Self, MeshError> {
-        if !(unit.is_finite() && (1e-9..=1e6).contains(&unit)) {
-            return Err(MeshError::Unit { found: unit });
-        }
-        let (vertices, triangles) = format::parse(format, bytes)?;
-        let (vertices, triangles) = weld::weld(&vertices, triangles, unit)?;
-        Self::new(vertices, triangles)
     }
 
     /// The vertices, metres in the object's frame.
@@ -154,11 +150,6 @@ impl Mesh {
             (b - a).cross(c - a).length() > smallest
         });
     }
-}
-
-/// Refuses a count before anything is allocated for it.
-fn check_count(what: &'static str, found: usize, max: usize) -> Result<(), MeshError> {
-    if found > max { Err(MeshError::TooMany { what, found, max }) } else { Ok(()) }
 }
 
 #[cfg(test)]

@@ -33,6 +33,10 @@ pub enum MeshFormat {
     Ply,
     /// Geomview OFF.
     Off,
+    /// Binary glTF.
+    Glb,
+    /// 3MF.
+    ThreeMf,
 }
 
 /// The unit of a mesh's coordinates.

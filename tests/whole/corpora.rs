@@ -52,6 +52,11 @@ fn seeds() -> Vec<(&'static str, String, Vec<u8>)> {
     add("mesh_stl", "binary", mesh.to_stl_bytes());
     add("mesh_text", "off", OFF.into());
     add("mesh_text", "obj", OBJ.into());
+    // Written once by other programs.
+    let packed = |name: &str| fs::read(corpora().join("mesh_packed").join(name)).unwrap();
+    for name in ["glb", "3mf", "3mf-deflated"] {
+        add("mesh_packed", name, packed(&format!("seed-{name}")));
+    }
     add("mesh_ply", "ascii", PLY.into());
     add("mesh_ply", "binary", binary_ply());
     add("snapshot", "database", snapshot(DUMP));
@@ -213,6 +218,9 @@ fn targets_accept_their_seeds() {
         (MeshFormat::Ply, "mesh_ply", "binary"),
         (MeshFormat::Off, "mesh_text", "off"),
         (MeshFormat::Obj, "mesh_text", "obj"),
+        (MeshFormat::Glb, "mesh_packed", "glb"),
+        (MeshFormat::ThreeMf, "mesh_packed", "3mf"),
+        (MeshFormat::ThreeMf, "mesh_packed", "3mf-deflated"),
     ] {
         let mesh = Mesh::from_bytes(format, &seed(target, name), 1e-3);
         assert!(mesh.is_ok(), "{target} {name}: {mesh:?}");

@@ -51,12 +51,12 @@ struct PressArgs {
     /// A built-in example to press.
     #[arg(long, required_unless_present = "mesh", conflicts_with = "mesh")]
     object: Option<String>,
-    /// Mesh to press: .stl, .obj, .ply or .off.
+    /// Mesh to press: .stl, .obj, .ply, .off, .glb or .3mf.
     #[arg(long, value_name = "FILE")]
     mesh: Option<PathBuf>,
-    /// Unit of the mesh file's coordinates.
-    #[arg(long, value_enum, default_value = "mm")]
-    unit: MeshUnit,
+    /// Unit of the mesh file's coordinates, `mm` if neither this nor the file says it.
+    #[arg(long, value_enum)]
+    unit: Option<MeshUnit>,
     /// The sensor that presses.
     #[arg(long, default_value = "digitacts-6x6", value_parser = parse_preset)]
     sensor: SensorPreset,
@@ -113,10 +113,7 @@ struct Drawn {
 /// Runs the command.
 pub(crate) fn run(args: DrawArgs, output: Output) -> anyhow::Result<()> {
     let Action::Press(args) = args.action;
-    let mesh = mesh(&args)?;
-    if args.mesh.is_some() {
-        output.say(robot::read_as(args.unit, &mesh));
-    }
+    let mesh = mesh(&args, output)?;
     let name = name(&args);
     let drawn = press(&args, mesh, &name)?;
     output.answer(&drawn, |drawn| {
@@ -130,9 +127,13 @@ pub(crate) fn run(args: DrawArgs, output: Output) -> anyhow::Result<()> {
     })
 }
 
-fn mesh(args: &PressArgs) -> anyhow::Result<Mesh> {
+fn mesh(args: &PressArgs, output: Output) -> anyhow::Result<Mesh> {
     match (&args.mesh, &args.object) {
-        (Some(path), _) => robot::read_mesh(path, args.unit),
+        (Some(path), _) => {
+            let file = robot::read_mesh(path, args.unit)?;
+            output.say(robot::read_as(&file));
+            Ok(file.mesh)
+        }
         (None, Some(name)) => shapes::example(name).with_context(|| {
             let names = shapes::NAMES.join(", ");
             format!("object {name} is not a built-in example, expected one of {names}")
@@ -246,7 +247,7 @@ mod tests {
         PressArgs {
             object: Some("mug".to_owned()),
             mesh: None,
-            unit: MeshUnit::Mm,
+            unit: None,
             sensor: SensorPreset::Digitacts6x6,
             pose: pose.map(|text| parse_pose(text).unwrap()),
             from: from.map(|text| parse_direction(text).unwrap()),
@@ -258,7 +259,7 @@ mod tests {
     }
 
     fn drawn(args: &PressArgs) -> anyhow::Result<Drawn> {
-        press(args, mesh(args)?, &name(args))
+        press(args, mesh(args, Output { json: true })?, &name(args))
     }
 
     #[test]

@@ -25,7 +25,7 @@ use crate::exit::Ended;
 use crate::explorer::{self, Plan};
 use crate::ids::SessionName;
 use crate::method::among;
-use crate::output;
+use crate::output::{self, Output};
 use crate::readings_file::ReadingsFile;
 use crate::verdict::Verdict;
 
@@ -44,12 +44,12 @@ pub(crate) struct ExploreArgs {
     /// catalogue does not have it (method `surface`).
     #[arg(long, required_unless_present_any = ["mesh", "replay"])]
     object: Option<String>,
-    /// Mesh to explore: .stl, .obj, .ply or .off.
+    /// Mesh to explore: .stl, .obj, .ply, .off, .glb or .3mf.
     #[arg(long, value_name = "FILE")]
     mesh: Option<PathBuf>,
-    /// Unit of the mesh file's coordinates.
-    #[arg(long, value_enum, default_value = "mm")]
-    unit: MeshUnit,
+    /// Unit of the mesh file's coordinates, `mm` if neither this nor the file says it.
+    #[arg(long, value_enum)]
+    unit: Option<MeshUnit>,
     /// Send the readings of this file instead of exploring; `-` reads standard input.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["mesh", "object", "offline", "out"])]
     replay: Option<PathBuf>,
@@ -169,10 +169,7 @@ async fn replay(args: &ExploreArgs, file: ReadingsFile, context: &Context) -> an
 
 /// Explores, sends each reading as it is taken, and writes all of them at the end.
 async fn explore(args: &ExploreArgs, context: &Context) -> anyhow::Result<()> {
-    let plan = plan(args)?;
-    if args.mesh.is_some() {
-        context.output.say(crate::robot::read_as(args.unit, &plan.mesh));
-    }
+    let plan = plan(args, context.output)?;
     let (session, truth) = if args.offline {
         (None, args.object.as_deref().map(Truth::named))
     } else {
@@ -250,9 +247,13 @@ async fn hear(
     Ok(last)
 }
 
-fn plan(args: &ExploreArgs) -> anyhow::Result<Plan> {
+fn plan(args: &ExploreArgs, output: Output) -> anyhow::Result<Plan> {
     let mesh = match (&args.mesh, &args.object) {
-        (Some(path), _) => crate::robot::read_mesh(path, args.unit)?,
+        (Some(path), _) => {
+            let file = crate::robot::read_mesh(path, args.unit)?;
+            output.say(crate::robot::read_as(&file));
+            file.mesh
+        }
         (None, Some(name)) => shapes::example(name).ok_or_else(|| {
             anyhow::anyhow!(
                 "object {name} is not a built-in example, expected one of {} or --mesh FILE",

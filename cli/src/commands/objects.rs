@@ -12,6 +12,7 @@ use palpate_client::schemas::{
 };
 use palpate_client::{Client, Error as ClientError};
 use palpate_core::units::MM;
+use palpate_sim::mesh::MeshFormat;
 use palpate_sim::shapes;
 
 use super::Context;
@@ -42,17 +43,17 @@ enum Action {
         object: String,
     },
     /// Add an object, optionally with a mesh.
-    #[command(after_help = "Examples:\n  palpate objects add mug --mesh mug.stl\n  \
+    #[command(after_help = "Examples:\n  palpate objects add mug --mesh mug.stl --unit mm\n  \
         palpate objects add mug --mesh mug.obj --unit m --description \"the blue one\"")]
     Add {
         /// Unique name of the object.
         name: String,
-        /// Mesh file: .stl, .obj, .ply or .off.
+        /// Mesh file: .stl, .obj, .ply, .off, .glb or .3mf.
         #[arg(long, value_name = "FILE")]
         mesh: Option<PathBuf>,
-        /// Unit of the mesh file's coordinates.
-        #[arg(long, value_enum, default_value = "mm")]
-        unit: MeshUnit,
+        /// Unit of the mesh file's coordinates; GLB and 3MF record their own.
+        #[arg(long, value_enum)]
+        unit: Option<MeshUnit>,
         /// Description for people.
         #[arg(long, default_value = "")]
         description: String,
@@ -61,11 +62,11 @@ enum Action {
     Mesh {
         /// Id or name of the object.
         object: String,
-        /// Mesh file: .stl, .obj, .ply or .off.
+        /// Mesh file: .stl, .obj, .ply, .off, .glb or .3mf.
         file: PathBuf,
-        /// Unit of the mesh file's coordinates.
-        #[arg(long, value_enum, default_value = "mm")]
-        unit: MeshUnit,
+        /// Unit of the mesh file's coordinates; GLB and 3MF record their own.
+        #[arg(long, value_enum)]
+        unit: Option<MeshUnit>,
     },
     /// Remove an object with its mesh and readings. Trained versions keep it.
     Remove {
@@ -140,14 +141,15 @@ pub(crate) async fn run(args: ObjectsArgs, context: &Context) -> anyhow::Result<
         }
         Action::Add { name, mesh, unit, description } => {
             // Detect an unreadable file before the object is created.
-            let file = mesh.as_deref().map(robot::read_mesh_file).transpose()?;
-            let created = client
-                .create_object(&CreateObject { name, description, ..CreateObject::default() })
-                .await;
+            let file = mesh.as_deref().map(|path| mesh_file(path, unit)).transpose()?;
+            let request =
+                CreateObject { name: name.clone(), description, ..CreateObject::default() };
+            let created = client.create_object(&request).await;
             let object = match created {
-                Err(error) if error.kind() == Some(ProblemType::Conflict) && mesh.is_some() => {
-                    return Err(anyhow::Error::from(error)).context(
-                        "the object is there; `palpate objects mesh NAME FILE` gives it a mesh",
+                Err(error) if error.kind() == Some(ProblemType::Conflict) && file.is_some() => {
+                    anyhow::bail!(
+                        "the name {name:?} is taken: `palpate objects mesh {name} FILE` replaces \
+                         the mesh of that object"
                     );
                 }
                 other => other?,
@@ -165,7 +167,7 @@ pub(crate) async fn run(args: ObjectsArgs, context: &Context) -> anyhow::Result<
             if output.json { output.answer(&object, |_| String::new()) } else { Ok(()) }
         }
         Action::Mesh { object, file, unit } => {
-            let (format, bytes) = robot::read_mesh_file(&file)?;
+            let (format, bytes) = mesh_file(&file, unit)?;
             let format = robot::wire_format(format);
             let report = client.put_mesh(&object, format, unit, bytes.into()).await?;
             output.answer(&report, read_words)
@@ -186,6 +188,17 @@ pub(crate) async fn run(args: ObjectsArgs, context: &Context) -> anyhow::Result<
             example(&names, &out, output)
         }
     }
+}
+
+/// A mesh file to upload; its unit must be known, as the API demands.
+fn mesh_file(path: &Path, unit: Option<MeshUnit>) -> anyhow::Result<(MeshFormat, Vec<u8>)> {
+    let (format, bytes) = robot::read_mesh_file(path)?;
+    anyhow::ensure!(
+        unit.is_some() || format.knows_its_unit(),
+        "--unit is missing: {format} does not record whether {} is in mm, cm, in or m",
+        path.display()
+    );
+    Ok((format, bytes))
 }
 
 async fn readings(action: ReadingsAction, context: &Context) -> anyhow::Result<()> {

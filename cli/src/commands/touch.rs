@@ -37,12 +37,12 @@ pub(crate) struct TouchArgs {
     /// not have it (method `surface`).
     #[arg(long)]
     object: String,
-    /// Mesh to touch: .stl, .obj, .ply or .off.
+    /// Mesh to touch: .stl, .obj, .ply, .off, .glb or .3mf.
     #[arg(long, value_name = "FILE")]
     mesh: PathBuf,
-    /// Unit of the mesh file's coordinates.
-    #[arg(long, value_enum, default_value = "mm")]
-    unit: MeshUnit,
+    /// Unit of the mesh file's coordinates, `mm` if neither this nor the file says it.
+    #[arg(long, value_enum)]
+    unit: Option<MeshUnit>,
     /// Number of touches.
     #[arg(long, default_value_t = 15, value_parser = clap::value_parser!(u32).range(1..=1000))]
     readings: u32,
@@ -98,8 +98,9 @@ struct Touched {
 /// Runs the command.
 pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()> {
     let (client, output) = (&context.client, context.output);
-    let mesh = robot::read_mesh(&args.mesh, args.unit)?;
-    output.say(robot::read_as(args.unit, &mesh));
+    let file = robot::read_mesh(&args.mesh, args.unit)?;
+    output.say(robot::read_as(&file));
+    let mesh = file.mesh;
     ensure_sensor(client, args.sensor).await?;
     let current = client.current_version(&args.catalogue).await?.version;
     let version = client.catalogue_version(&args.catalogue, current).await?;

@@ -17,7 +17,7 @@ fn open_sessions_are_listed_acknowledged_and_closed() {
     let meshes = folder.path().display();
     for object in ["hammer", "mug"] {
         done(&format!("objects example {object} --out {meshes}"));
-        done(&format!("objects add {object} --mesh {meshes}/{object}.stl"));
+        done(&format!("objects add {object} --mesh {meshes}/{object}.stl --unit mm"));
     }
     done("train --readings-per-object 60");
     assert_eq!(done("fleet").trim(), "0 open, 0 need attention");

@@ -18,7 +18,7 @@ fn sessions_are_searched_labelled_exported_and_replayed() {
     let meshes = folder.path().display();
     for object in ["hammer", "mug"] {
         done(&format!("objects example {object} --out {meshes}"));
-        done(&format!("objects add {object} --mesh {meshes}/{object}.stl"));
+        done(&format!("objects add {object} --mesh {meshes}/{object}.stl --unit mm"));
     }
     done("train --readings-per-object 60");
     let touch = |object: &str, seed: u32| {

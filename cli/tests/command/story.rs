@@ -80,7 +80,8 @@ fn a_users_mesh_is_trained_and_recognised_after_a_restart() {
         run(at, &format!("--server {} {arguments}", server.said("server")))
     };
     for object in ["hammer", "gear", "mug"] {
-        let output = ask(&server, &format!("objects add {object} --mesh meshes/{object}.stl"));
+        let output =
+            ask(&server, &format!("objects add {object} --mesh meshes/{object}.stl --unit mm"));
         assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     }
     let taken = ask(&server, "objects add mug");
@@ -153,14 +154,14 @@ fn an_ended_job_is_removed(ask: impl Fn(&str) -> Output) {
 fn a_refused_mesh_leaves_no_object(at: &Path, ask: impl Fn(&str) -> Output) {
     std::fs::write(at.join("broken.off"), "OFF\n3 1 0\n0 0 0\n").unwrap();
     for _ in 0..2 {
-        let refused = ask("objects add vase --mesh broken.off");
+        let refused = ask("objects add vase --mesh broken.off --unit mm");
         assert_eq!(refused.status.code(), Some(1));
         assert!(stderr(&refused).contains("vase was not added"), "{}", stderr(&refused));
     }
     assert!(!stdout(&ask("objects list")).contains("vase"));
-    let taken = ask("objects add mug --mesh meshes/mug.stl");
+    let taken = ask("objects add mug --mesh meshes/mug.stl --unit mm");
     assert!(stderr(&taken).contains("palpate objects mesh"), "{}", stderr(&taken));
-    let added = ask("objects mesh mug meshes/mug.stl");
+    let added = ask("objects mesh mug meshes/mug.stl --unit mm");
     assert!(stdout(&added).contains("read as mm: mesh of"), "{}", stdout(&added));
 }
 

@@ -95,7 +95,7 @@ pub(crate) async fn delete_object(
     params(("object" = String, Path, description = "The object's id or name")),
     responses((status = 200, description = "The file in its original format",
         content((MeshFile = "model/stl"), (MeshFile = "model/obj"), (MeshFile = "model/ply"),
-            (MeshFile = "model/off")))))]
+            (MeshFile = "model/off"), (MeshFile = "model/gltf-binary"), (MeshFile = "model/3mf")))))]
 pub(crate) async fn get_mesh(
     State(app): State<App>,
     Segments(object): Segments,
@@ -125,10 +125,13 @@ pub(crate) async fn get_thumbnail(
 
 /// Upload an object's mesh
 ///
-/// The body is the raw file. `unit` is mandatory because no mesh format records it; CAD programs
-/// usually write millimetres, robotics tools metres. The content type names the format
-/// (`model/stl`, `model/obj`, `model/ply`, `model/off`); with `application/octet-stream`, `format`
-/// does. The upload replaces the previous mesh. Versions trained from that mesh do not change.
+/// The body is the raw file, at most 67 MB and two million triangles. All its solids, groups and
+/// objects are one body. `unit` is mandatory for STL, OBJ, PLY and OFF, which do not record it; CAD
+/// programs usually write millimetres, robotics tools metres. The content type names the format
+/// (`model/stl`, `model/obj`, `model/ply`, `model/off`, `model/gltf-binary`, `model/3mf`); with
+/// `application/octet-stream`, `format` does. A GLB's buffers must be inside the file, without
+/// compression. The upload replaces the previous mesh. Versions trained from that mesh do not
+/// change.
 #[utoipa::path(put, path = "/v1/objects/{object}/mesh", operation_id = "put_mesh", tag = "objects",
     params(("object" = String, Path, description = "The object's id or name"), MeshQuery),
     request_body(content = MeshFile, content_type = "application/octet-stream",

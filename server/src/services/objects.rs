@@ -180,26 +180,31 @@ impl Objects {
     ) -> Result<wire::MeshReport, ObjectError> {
         let object = self.find(reference)?;
         let format = convert::object::mesh_format(content_type, query.format)?;
-        let unit = stored_unit(query.unit);
+        let unit = query.unit.map(wire::MeshUnit::metres);
         let bytes = file.clone();
         let (upload, thumbnails) = (Uuid::now_v7(), Arc::clone(&self.thumbnails));
         let read = move || {
-            let mesh = Mesh::from_bytes(format, &bytes, unit_metres(unit))?;
-            thumbnails.make(upload, &mesh);
-            Ok::<_, MeshError>(mesh)
+            let read = Mesh::read(format, &bytes, unit)?;
+            thumbnails.make(upload, &read.mesh);
+            Ok::<_, MeshError>(read)
         };
-        let mesh = self.pool.place()?.run_long(read).await?;
-        let mesh = mesh.map_err(|error| Cause::field("", error))?;
-        let format = stored_format(format);
+        let read = self.pool.place()?.run_long(read).await?.map_err(|error| {
+            let field = match error {
+                MeshError::UnitMissing { .. } | MeshError::UnitContradicts { .. } => "?unit",
+                _ => "",
+            };
+            Cause::field(field, error)
+        })?;
+        let (format, unit) = (stored_format(format), stored_unit(read.unit));
         let info = MeshInfo::new(upload, format, unit, &file, now_ms());
         let before = self.store.meshes().info(object.id)?;
         self.store.meshes().put(object.id, &info, &file).await?;
         if let Some(before) = before {
             self.thumbnails.remove(before.upload);
         }
-        let n_triangles = mesh.triangles().len();
+        let n_triangles = read.mesh.triangles().len();
         tracing::info!(object.id = %object.id, n_triangles, "Stored a mesh of {:?}", object.name);
-        Ok(mesh_report(&info, &mesh))
+        Ok(mesh_report(&info, &read))
     }
 
     /// A reader of an object's uploaded mesh, block by block, and its format.

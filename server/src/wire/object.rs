@@ -1,13 +1,11 @@
 //! Conversion of objects and their meshes.
 
-use palpate_core::units::Shown;
 use palpate_schemas as wire;
-use palpate_sim::mesh::{Mesh, MeshFormat};
+use palpate_sim::mesh::{MeshFile, MeshFormat};
 use palpate_store::entity::Object;
 use palpate_store::mesh as store;
 use thiserror::Error;
 
-use crate::hints::{SIZE_LARGE, SIZE_SMALL};
 use crate::wire::{Invalid, count, time};
 
 /// A stored object in its wire form.
@@ -36,6 +34,8 @@ pub(crate) fn mesh_info(info: &store::MeshInfo) -> wire::MeshInfo {
             store::MeshFormat::Obj => wire::MeshFormat::Obj,
             store::MeshFormat::Ply => wire::MeshFormat::Ply,
             store::MeshFormat::Off => wire::MeshFormat::Off,
+            store::MeshFormat::Glb => wire::MeshFormat::Glb,
+            store::MeshFormat::ThreeMf => wire::MeshFormat::ThreeMf,
         },
         unit: shown_unit(info.unit),
         bytes: info.length,
@@ -45,33 +45,16 @@ pub(crate) fn mesh_info(info: &store::MeshInfo) -> wire::MeshInfo {
 }
 
 /// The interpretation of a mesh.
-pub(crate) fn mesh_report(info: &store::MeshInfo, mesh: &Mesh) -> wire::MeshReport {
+pub(crate) fn mesh_report(info: &store::MeshInfo, file: &MeshFile) -> wire::MeshReport {
+    let mesh = &file.mesh;
     let size = mesh.extent().to_array();
     wire::MeshReport {
         mesh: mesh_info(info),
         n_triangles: count(mesh.triangles().len()),
         n_vertices: count(mesh.vertices().len()),
         size,
-        warnings: warnings(mesh, info.unit),
+        warnings: file.remarks.iter().map(ToString::to_string).collect(),
     }
-}
-
-fn warnings(mesh: &Mesh, unit: store::MeshUnit) -> Vec<String> {
-    let size = mesh.largest_dimension();
-    let mut warnings = Vec::new();
-    let unit = shown_unit(unit);
-    if size > SIZE_LARGE {
-        let other = if unit == wire::MeshUnit::Mm { "" } else { ": is the file in mm?" };
-        warnings.push(format!("the mesh is {} m large{other}", Shown(size)));
-    }
-    if size < SIZE_SMALL {
-        let other = if unit == wire::MeshUnit::M { "" } else { ": is the file in m?" };
-        warnings.push(format!("the mesh is {} mm small{other}", Shown(size * 1e3)));
-    }
-    if !mesh.is_watertight() {
-        warnings.push("the mesh is not watertight: its surface has holes or seams".to_owned());
-    }
-    warnings
 }
 
 /// Error of an upload of unknown format.
@@ -84,8 +67,8 @@ pub(crate) enum FormatError {
 }
 
 /// The content types of an upload.
-const MESH_TYPES: &str =
-    "model/stl, model/obj, model/ply, model/off, or application/octet-stream with ?format=";
+const MESH_TYPES: &str = "model/stl, model/obj, model/ply, model/off, model/gltf-binary, model/3mf, \
+    or application/octet-stream with ?format=";
 
 /// The format of an upload, from its content type or the query.
 pub(crate) fn mesh_format(
@@ -96,14 +79,14 @@ pub(crate) fn mesh_format(
         (Some(format), None) => Ok(format),
         (Some(format), Some(asked)) if format == sim_format(asked) => Ok(format),
         (Some(format), Some(asked)) => {
-            let asked = sim_format(asked);
+            let asked = sim_format(asked).extension();
             let detail = format!("came {asked}, but the content type is that of {format}");
             Err(Invalid::field("?format", detail).into())
         }
         (None, Some(asked)) if content_type == "application/octet-stream" => Ok(sim_format(asked)),
         (None, None) if content_type == "application/octet-stream" => Err(Invalid::field(
             "?format",
-            "missing, expected stl, obj, ply or off with application/octet-stream",
+            "missing, expected stl, obj, ply, off, glb or 3mf with application/octet-stream",
         )
         .into()),
         (None, _) => Err(FormatError::ContentType { found: content_type.to_owned() }),
@@ -115,13 +98,13 @@ pub(crate) fn unit_metres(unit: store::MeshUnit) -> f64 {
     shown_unit(unit).metres()
 }
 
-/// The unit in its stored form.
-pub(crate) fn stored_unit(unit: wire::MeshUnit) -> store::MeshUnit {
-    match unit {
-        wire::MeshUnit::M => store::MeshUnit::Metre,
-        wire::MeshUnit::Mm => store::MeshUnit::Millimetre,
-        wire::MeshUnit::Cm => store::MeshUnit::Centimetre,
-        wire::MeshUnit::In => store::MeshUnit::Inch,
+/// The unit of a file in its stored form; micrometres and feet, which only 3MF has, in a like one.
+pub(crate) fn stored_unit(metres: f64) -> store::MeshUnit {
+    match metres {
+        0.5.. => store::MeshUnit::Metre,
+        0.02.. => store::MeshUnit::Inch,
+        0.005.. => store::MeshUnit::Centimetre,
+        _ => store::MeshUnit::Millimetre,
     }
 }
 
@@ -141,6 +124,8 @@ pub(crate) fn stored_format(format: MeshFormat) -> store::MeshFormat {
         MeshFormat::Obj => store::MeshFormat::Obj,
         MeshFormat::Ply => store::MeshFormat::Ply,
         MeshFormat::Off => store::MeshFormat::Off,
+        MeshFormat::Glb => store::MeshFormat::Glb,
+        MeshFormat::ThreeMf => store::MeshFormat::ThreeMf,
     }
 }
 
@@ -151,6 +136,8 @@ pub(crate) fn read_format(format: store::MeshFormat) -> MeshFormat {
         store::MeshFormat::Obj => MeshFormat::Obj,
         store::MeshFormat::Ply => MeshFormat::Ply,
         store::MeshFormat::Off => MeshFormat::Off,
+        store::MeshFormat::Glb => MeshFormat::Glb,
+        store::MeshFormat::ThreeMf => MeshFormat::ThreeMf,
     }
 }
 
@@ -160,5 +147,7 @@ fn sim_format(format: wire::MeshFormat) -> MeshFormat {
         wire::MeshFormat::Obj => MeshFormat::Obj,
         wire::MeshFormat::Ply => MeshFormat::Ply,
         wire::MeshFormat::Off => MeshFormat::Off,
+        wire::MeshFormat::Glb => MeshFormat::Glb,
+        wire::MeshFormat::ThreeMf => MeshFormat::ThreeMf,
     }
 }

@@ -109,10 +109,10 @@ async fn meshes_are_returned_unchanged() {
     let path = "/v1/objects/bar/mesh?unit=m&format=off";
     let plain = Some(("application/octet-stream", off_box(CUBE).into_bytes()));
     let report = it.send(Method::PUT, path, plain).await.expect(200);
-    assert!(report["warnings"][0].as_str().unwrap().contains("in mm?"), "{report}");
+    assert!(report["warnings"][0].as_str().unwrap().contains("in mm ("), "{report}");
     let tiny = off_box([0.04, 0.04, 0.04]);
     let report = it.put_mesh("bar", &tiny).await.expect(200);
-    assert!(report["warnings"][0].as_str().unwrap().contains("in m?"), "{report}");
+    assert!(report["warnings"][0].as_str().unwrap().contains("in m ("), "{report}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -185,4 +185,69 @@ async fn a_small_picture_follows_its_mesh() {
     assert_eq!(picture(&it).await, (other_tag, bar));
     it.send(Method::DELETE, "/v1/objects/mug", None).await.expect(204);
     assert_eq!(files().count(), 0);
+}
+
+const GLB: &[u8] = include_bytes!("../../../fuzz/corpus/mesh_packed/seed-glb");
+const THREE_MF: &[u8] = include_bytes!("../../../fuzz/corpus/mesh_packed/seed-3mf");
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_unit_is_asked_only_of_files_that_record_none() {
+    let it = Harness::start().await;
+    it.post("/v1/objects", &json!({"name": "part"})).await.expect(201);
+    let put = async |query: &str, kind, bytes: &[u8]| {
+        let path = format!("/v1/objects/part/mesh{query}");
+        it.send(Method::PUT, &path, Some((kind, bytes.to_vec()))).await
+    };
+    let (glb, three_mf) = ("model/gltf-binary", "model/3mf");
+    // A tetrahedron of nine units, twice as large by its node; and in inches.
+    for (query, kind, bytes, unit, size) in [
+        ("", glb, GLB, "m", 18.0),
+        ("?unit=m", glb, GLB, "m", 18.0),
+        ("?format=glb", "application/octet-stream", GLB, "m", 18.0),
+        ("", three_mf, THREE_MF, "in", 0.2286),
+        ("?format=3mf", "application/octet-stream", THREE_MF, "in", 0.2286),
+    ] {
+        let report = put(query, kind, bytes).await.expect(200);
+        assert_eq!((&report["mesh"]["unit"], &report["n_triangles"]), (&json!(unit), &json!(4)));
+        assert!((report["size"][0].as_f64().unwrap() - size).abs() < 1e-9, "{report}");
+        let stored = it.get("/v1/objects/part").await.expect(200);
+        assert_eq!(stored["mesh"]["unit"], unit);
+        it.get("/v1/objects/part/thumbnail.png").await;
+    }
+    let file = it.get("/v1/objects/part/mesh").await;
+    assert_eq!(file.headers["content-type"], three_mf);
+    for (query, kind, bytes) in [
+        ("?unit=mm", glb, GLB),
+        ("?unit=mm", three_mf, THREE_MF),
+        ("", "model/off", off_box(CUBE).as_bytes()),
+    ] {
+        put(query, kind, bytes).await.problem(422, "invalid-value", Some("?unit"));
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn refusals_of_meshes_say_what_the_file_is_and_what_to_do() {
+    let it = Harness::start_with(|config| config.mesh_bytes_max = 2_500_000).await;
+    it.post("/v1/objects", &json!({"name": "part"})).await.expect(201);
+    let refused = async |kind, bytes: Vec<u8>| {
+        let path = "/v1/objects/part/mesh?unit=mm";
+        let answer = it.send(Method::PUT, path, Some((kind, bytes))).await;
+        assert!([413, 422].contains(&answer.status.as_u16()), "{answer:?}");
+        answer.text
+    };
+    let zip = [b"PK\x03\x04", &[0; 80][..], b"mug.stl"].concat();
+    let step = b"ISO-10303-21;\nHEADER;\n".repeat(9);
+    let tiny = off_box([4e-24; 3]).into_bytes();
+    let huge = off_box([4e31; 3]).into_bytes();
+    for (kind, bytes, expected) in [
+        ("model/stl", zip, "ZIP archive"),
+        ("model/stl", step, "export STL or 3MF"),
+        ("model/stl", off_box(CUBE).repeat(9).into_bytes(), "begins as OFF does"),
+        ("model/stl", vec![0; 3_000_000], "longer than 2 MB: decimate"),
+        ("model/off", tiny, "extent 4e-27 m"),
+        ("model/off", huge, "extent of 4e28 m"),
+    ] {
+        let text = refused(kind, bytes).await;
+        assert!(text.contains(expected), "{expected}: {text}");
+    }
 }

@@ -6,14 +6,15 @@ use thiserror::Error;
 use super::MeshFormat;
 
 /// Error of bytes or numbers that are not a mesh.
-#[derive(Clone, Copy, Debug, Error, PartialEq)]
+#[derive(Clone, Debug, Error, PartialEq)]
 pub enum MeshError {
     /// There is no triangle at all.
     #[error("mesh has no triangle, expected at least one")]
     Empty,
     /// Every triangle has zero area, or the whole mesh is a point.
     #[error(
-        "mesh of extent {} m has no triangle with an area, expected at least one", Shown(*extent)
+        "mesh of extent {} m has no triangle with an area that can be felt: is its unit right?",
+        Shown(*.extent)
     )]
     Degenerate {
         /// The largest dimension, metres.
@@ -21,8 +22,8 @@ pub enum MeshError {
     },
     /// The mesh is larger than [`super::EXTENT_MAX`].
     #[error(
-        "mesh has an extent of {} m, expected at most {max} m (wrong unit?)",
-        Beyond(*extent, [*max])
+        "mesh has an extent of {} m, expected at most {max} m: is its unit right?",
+        Beyond(*.extent, [*.max])
     )]
     Huge {
         /// The largest dimension, metres.
@@ -31,7 +32,7 @@ pub enum MeshError {
         max: f64,
     },
     /// A count is above its limit.
-    #[error("mesh has {found} {what}, expected at most {max}")]
+    #[error("mesh has {found} {what}, expected at most {max}: decimate it")]
     TooMany {
         /// The counted thing.
         what: &'static str,
@@ -84,6 +85,40 @@ pub enum MeshError {
         /// The format that its first word indicates.
         found: MeshFormat,
     },
+    /// The file is no mesh that is read here.
+    #[error("not a {format} file: it is {found}")]
+    OtherContent {
+        /// The given format.
+        format: MeshFormat,
+        /// What the file is, and what to do.
+        found: &'static str,
+    },
+    /// The file goes on after its end.
+    #[error("{format} file goes on for {bytes} bytes after the end that its header announces")]
+    Left {
+        /// The format.
+        format: MeshFormat,
+        /// Number of bytes that were not read.
+        bytes: usize,
+    },
+    /// The file needs an extension or a form that is not read.
+    #[error("{format} file needs {name}, which is not read: export it without")]
+    Unsupported {
+        /// The format.
+        format: MeshFormat,
+        /// The extension, as the file names it.
+        name: Box<str>,
+    },
+    /// A part of the file contradicts the format.
+    #[error("{format} file: {part}: expected {expected}")]
+    Part {
+        /// The format.
+        format: MeshFormat,
+        /// The part, as the file names it.
+        part: Box<str>,
+        /// The expected content.
+        expected: &'static str,
+    },
     /// The format's reader refused the file.
     #[error("not a readable {format} file")]
     Unreadable {
@@ -102,6 +137,20 @@ pub enum MeshError {
         corner: usize,
         /// The number of vertices.
         n_vertices: usize,
+    },
+    /// The file's format does not record the unit of length, and none was given.
+    #[error("the unit is missing, expected m, mm, cm or in: {format} does not record it")]
+    UnitMissing {
+        /// The format.
+        format: MeshFormat,
+    },
+    /// The file records another unit of length than the one given.
+    #[error("one unit is {found} m, but the file says {recorded} m: leave the unit out")]
+    UnitContradicts {
+        /// The given unit, metres.
+        found: f64,
+        /// The unit of the file, metres.
+        recorded: f64,
     },
     /// The unit of length is out of range.
     #[error("unit is {found} m, expected 1e-9 to 1e6 (0.001 for a file in millimetres)")]

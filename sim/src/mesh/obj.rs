@@ -1,118 +1,71 @@
-//! The OBJ parser: positions and faces of all groups, nothing else.
+//! The OBJ reader: positions and faces of all groups and objects, nothing else.
 //!
 //! Texture and normal indices, materials and curves are skipped; material files are not
-//! opened. Faces with fewer than three corners are ignored. Coordinates have single
-//! precision, as most programs write them.
+//! opened. Faces with fewer than three corners are ignored. A surface of curves is refused.
 
 use glam::DVec3;
 
-use super::format::{Soup, push_fan};
-use super::{MeshError, MeshFormat, TRIANGLES_MAX, VERTICES_MAX, check_count};
+use super::polygons::{Polygons, check_count};
+use super::text::{Lines, numbers};
+use super::{MeshError, MeshFormat, TRIANGLES_MAX, VERTICES_MAX};
 
 const FORMAT: MeshFormat = MeshFormat::Obj;
 
-pub(super) fn read(bytes: &[u8]) -> Result<Soup, MeshError> {
-    // Names and comments may be in any encoding; numbers are ASCII.
-    let text = String::from_utf8_lossy(bytes);
-    check_lines(&text)?;
-    let positions = positions(&text)?;
-    let mut used = Used { places: vec![None; positions.len()], vertices: Vec::new() };
-    let (mut triangles, mut corners) = (Vec::new(), Vec::new());
-    let (mut n_before, mut n_faces) = (0, 0);
-    for (number, line) in lines(&text) {
-        let mut words = line.split_whitespace();
+/// Reads the whole of a plain text; nothing follows.
+pub(super) fn read<'a>(bytes: &'a [u8], polygons: &mut Polygons) -> Result<&'a [u8], MeshError> {
+    let n_vertices = check_lines(bytes)?;
+    let mut corners = Vec::new();
+    for (line, words) in Lines::of(bytes) {
+        let fault = |expected| MeshError::Syntax { format: FORMAT, line, expected };
+        let mut words = words.split_ascii_whitespace();
         match words.next() {
-            Some("v") => n_before += 1,
-            Some("f") => {
+            Some("v" | "V") => {
+                let place = numbers::<3>(&mut words);
+                let place = place.ok_or(fault("a vertex of three numbers such as 1.5"))?;
+                polygons.vertex(DVec3::from_array(place))?;
+            }
+            Some("f" | "F" | "fo") => {
                 corners.clear();
                 for word in words {
-                    let place = corner(word, number, n_before)?;
-                    let position = usize::try_from(place).ok().filter(|at| *at < positions.len());
-                    let position = position.ok_or(MeshError::Corner {
-                        line: number,
-                        corner: corners.len(),
-                        n_vertices: positions.len(),
-                    })?;
-                    corners.push(used.place(position, &positions));
+                    let place = corner(word, polygons.n_vertices() as i64)
+                        .ok_or(fault("corners such as 1, 1/2, 1//3 or -1"))?;
+                    let place = u32::try_from(place).ok().filter(|at| (*at as usize) < n_vertices);
+                    let corner = corners.len();
+                    corners.push(place.ok_or(MeshError::Corner { line, corner, n_vertices })?);
                 }
-                push_fan(&mut triangles, &corners, n_faces, used.vertices.len())?;
-                n_faces += 1;
+                polygons.polygon(&corners)?;
             }
+            Some("surf") => return Err(fault("polygons, came a free-form surface: export it so")),
             _ => {}
         }
     }
-    Ok((used.vertices, triangles))
-}
-
-/// The lines without comments, with their numbers from 1.
-fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
-    let bare = |line: &str| line.find('#').unwrap_or(line.len());
-    text.lines().enumerate().map(move |(idx, line)| (idx + 1, &line[..bare(line)]))
-}
-
-fn positions(text: &str) -> Result<Vec<DVec3>, MeshError> {
-    let mut positions = Vec::new();
-    for (number, line) in lines(text) {
-        let mut words = line.split_whitespace();
-        if words.next() == Some("v") {
-            positions.push(position(words).ok_or(MeshError::Syntax {
-                format: FORMAT,
-                line: number,
-                expected: "a vertex of three numbers",
-            })?);
-        }
-    }
-    Ok(positions)
-}
-
-/// The vertices that faces use, in the order of first use; the others are not part of the mesh.
-struct Used {
-    places: Vec<Option<u32>>,
-    vertices: Vec<DVec3>,
-}
-
-impl Used {
-    /// The index of a position among the used ones, which it joins if it is new.
-    fn place(&mut self, corner: usize, positions: &[DVec3]) -> u32 {
-        let Self { places, vertices } = self;
-        *places[corner].get_or_insert_with(|| {
-            vertices.push(positions[corner]);
-            // Vertices are counted beforehand, and far fewer than 32 bits hold.
-            vertices.len() as u32 - 1
-        })
-    }
-}
-
-fn position<'a>(mut words: impl Iterator<Item = &'a str>) -> Option<DVec3> {
-    let mut number = || words.next()?.parse::<f32>().ok().map(f64::from);
-    Some(DVec3::new(number()?, number()?, number()?))
+    Ok(&bytes[bytes.len()..])
 }
 
 /// The index, from 0, of the position that a corner names. A corner counts from 1, or
 /// backwards from the newest of the `n_before` so far, -1. The result may be out of range.
-fn corner(word: &str, line: usize, n_before: i64) -> Result<i64, MeshError> {
-    let number = word.split('/').next().unwrap_or_default().parse::<i64>();
-    let expected = "corners such as 1, 1/2, 1//3 or -1";
-    match number {
-        Ok(back) if back < 0 => Ok(n_before.saturating_add(back)),
-        Ok(found) if found > 0 => Ok(found - 1),
-        _ => Err(MeshError::Syntax { format: FORMAT, line, expected }),
+fn corner(word: &str, n_before: i64) -> Option<i64> {
+    match word.split('/').next()?.parse::<i64>().ok()? {
+        0 => None,
+        back if back < 0 => Some(n_before.saturating_add(back)),
+        found => Some(found - 1),
     }
 }
 
 /// Counts vertices and triangles from the words, before anything is allocated for them.
-fn check_lines(text: &str) -> Result<(), MeshError> {
+fn check_lines(text: &[u8]) -> Result<usize, MeshError> {
     let (mut n_vertices, mut n_triangles) = (0usize, 0usize);
-    for line in text.lines() {
-        let mut words = line.split_whitespace();
+    for (_, line) in Lines::of(text) {
+        let mut words = line.split_ascii_whitespace();
         match words.next() {
-            Some("v") => n_vertices += 1,
-            Some("f") => n_triangles += words.count().saturating_sub(2),
+            Some("v" | "V") => n_vertices += 1,
+            Some("f" | "F" | "fo") => n_triangles += words.count().saturating_sub(2),
             _ => {}
         }
     }
     check_count("vertices", n_vertices, VERTICES_MAX)?;
-    check_count("triangles", n_triangles, TRIANGLES_MAX)
+    check_count("triangles", n_triangles, TRIANGLES_MAX)?;
+    Ok(n_vertices)
 }
 
 #[cfg(test)]

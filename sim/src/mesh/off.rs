@@ -1,91 +1,105 @@
-//! The OFF parser: a header, counts, vertices, polygons, all as words.
+//! The OFF reader: a header, counts, vertices, polygons, line by line.
 //!
-//! Reads `OFF`, `COFF` and `NOFF` with counts on the same or the next line. Anything after
-//! the coordinates or corners on a line (colours, normals) is ignored, as are comments.
+//! Reads `OFF` with the letters for normals, colours, textures and a fourth coordinate in front
+//! of it, or without any header, as Geomview allows; counts on the same or the next line. What
+//! follows the coordinates or corners on a line is ignored.
 
 use glam::DVec3;
 
-use super::format::{Soup, push_fan};
-use super::{MeshError, MeshFormat, TRIANGLES_MAX, VERTICES_MAX, check_count};
+use super::polygons::{Polygons, check_count};
+use super::text::{Lines, numbers};
+use super::{MeshError, MeshFormat, TRIANGLES_MAX, VERTICES_MAX};
 
 const FORMAT: MeshFormat = MeshFormat::Off;
 /// The shortest vertex, "0 0 0" and a line's end, and the shortest polygon, "3 0 1 2".
 const VERTEX_BYTES_MIN: usize = 6;
 const POLYGON_BYTES_MIN: usize = 2;
 
-/// Lines with content, and their numbers.
-struct Lines<'a> {
-    lines: std::iter::Enumerate<std::str::Lines<'a>>,
-    line: usize,
-}
-
-impl<'a> Lines<'a> {
-    fn next(&mut self, expected: &'static str) -> Result<&'a str, MeshError> {
-        for (idx, text) in self.lines.by_ref() {
-            self.line = idx + 1;
-            let text = text.split('#').next().unwrap_or_default().trim();
-            if !text.is_empty() {
-                return Ok(text);
-            }
-        }
-        self.line += 1;
-        Err(self.fault(expected))
-    }
-
-    fn fault(&self, expected: &'static str) -> MeshError {
-        MeshError::Syntax { format: FORMAT, line: self.line, expected }
-    }
-}
-
-pub(super) fn read(bytes: &[u8]) -> Result<Soup, MeshError> {
-    let text = std::str::from_utf8(bytes).map_err(|_| MeshError::Unreadable { format: FORMAT })?;
-    let mut lines = Lines { lines: text.lines().enumerate(), line: 0 };
-    let [n_vertices, n_polygons] = read_counts(&mut lines)?;
+/// Reads one object of a plain text; returns what follows.
+pub(super) fn read<'a>(bytes: &'a [u8], polygons: &mut Polygons) -> Result<&'a [u8], MeshError> {
+    let mut lines = Content(Lines::of(bytes));
+    let (is_projective, [n_vertices, n_polygons]) =
+        read_header(&mut lines, polygons.vertices.is_empty())?;
     check_count("vertices", n_vertices, VERTICES_MAX)?;
     check_count("polygons", n_polygons, TRIANGLES_MAX)?;
     let expected = n_vertices * VERTEX_BYTES_MIN + n_polygons * POLYGON_BYTES_MIN;
     if bytes.len() < expected {
         return Err(MeshError::Truncated { format: FORMAT, found: bytes.len(), expected });
     }
-    let mut vertices = Vec::with_capacity(n_vertices);
     for _ in 0..n_vertices {
         let line = lines.next("a vertex of three numbers")?;
-        vertices.push(vertex(line).ok_or_else(|| lines.fault("a vertex of three numbers"))?);
+        let mut words = line.split_ascii_whitespace();
+        let place = if is_projective {
+            numbers(&mut words).map(|[x, y, z, w]: [f64; 4]| DVec3::new(x, y, z) / w)
+        } else {
+            numbers(&mut words).map(DVec3::from_array)
+        };
+        polygons.vertex(place.ok_or_else(|| lines.fault("a vertex of three numbers"))?)?;
     }
-    let mut triangles = Vec::with_capacity(n_polygons);
     let mut corners = Vec::new();
-    for polygon in 0..n_polygons {
+    for _ in 0..n_polygons {
         let line = lines.next("a polygon: a count and as many vertices")?;
         if !read_polygon(line, &mut corners) {
             return Err(lines.fault("a polygon: a count and as many vertices"));
         }
-        push_fan(&mut triangles, &corners, polygon, n_vertices)?;
+        polygons.polygon(&corners)?;
     }
-    Ok((vertices, triangles))
+    Ok(lines.0.rest)
 }
 
-fn read_counts(lines: &mut Lines<'_>) -> Result<[usize; 2], MeshError> {
+/// Lines with content.
+struct Content<'a>(Lines<'a>);
+
+impl<'a> Content<'a> {
+    fn next(&mut self, expected: &'static str) -> Result<&'a str, MeshError> {
+        let mut lines = self.0.by_ref().map(|(_, line)| line.trim_ascii());
+        if let Some(line) = lines.find(|line| !line.is_empty()) {
+            return Ok(line);
+        }
+        self.0.line += 1;
+        Err(self.fault(expected))
+    }
+
+    fn fault(&self, expected: &'static str) -> MeshError {
+        MeshError::Syntax { format: FORMAT, line: self.0.line, expected }
+    }
+}
+
+/// Whether vertices have a fourth coordinate by which they are divided, and the counts.
+///
+/// The word OFF may be missing where a file begins, not between objects.
+fn read_header(lines: &mut Content<'_>, is_first: bool) -> Result<(bool, [usize; 2]), MeshError> {
     let first = lines.next("the word OFF")?;
-    let rest = ["COFF", "NOFF", "OFF"].iter().find_map(|word| first.strip_prefix(word));
-    let rest = rest.ok_or_else(|| lines.fault("the word OFF"))?.trim();
+    let word = first.split_ascii_whitespace().next().unwrap_or_default();
+    let is_header = word.len() <= 7 && word.to_ascii_uppercase().ends_with("OFF");
+    let (prefix, rest) = if is_header {
+        (&word[..word.len() - 3], first[word.len()..].trim_ascii())
+    } else if is_first && word.parse::<usize>().is_ok() {
+        ("", first)
+    } else {
+        return Err(lines.fault("the word OFF"));
+    };
+    if prefix.contains('n') && word.ends_with("OFF") {
+        return Err(lines.fault("three dimensions, came nOFF"));
+    }
+    if rest.to_ascii_uppercase().starts_with("BINARY") {
+        return Err(lines.fault("text, came binary OFF: export it as text"));
+    }
     let expected = "counts of vertices, polygons and edges";
     let counts = if rest.is_empty() { lines.next(expected)? } else { rest };
-    let mut words = counts.split_whitespace().map(str::parse);
+    let mut words = counts.split_ascii_whitespace().map(str::parse);
     match (words.next(), words.next()) {
-        (Some(Ok(n_vertices)), Some(Ok(n_polygons))) => Ok([n_vertices, n_polygons]),
+        (Some(Ok(n_vertices)), Some(Ok(n_polygons))) => {
+            Ok((prefix.contains('4'), [n_vertices, n_polygons]))
+        }
         _ => Err(lines.fault(expected)),
     }
-}
-
-fn vertex(line: &str) -> Option<DVec3> {
-    let mut words = line.split_whitespace().map(|word| word.parse().ok());
-    Some(DVec3::new(words.next()??, words.next()??, words.next()??))
 }
 
 /// Reads "n i₁ … iₙ" into `corners`; false if the line has another form.
 fn read_polygon(line: &str, corners: &mut Vec<u32>) -> bool {
     corners.clear();
-    let mut words = line.split_whitespace();
+    let mut words = line.split_ascii_whitespace();
     let Some(Ok(n)) = words.next().map(str::parse::<usize>) else { return false };
     corners.extend(words.by_ref().map_while(|word| word.parse::<u32>().ok()).take(n));
     corners.len() == n
@@ -117,7 +131,7 @@ mod tests {
             Err(MeshError::Syntax { line, .. }) => line,
             other => panic!("{other:?}"),
         };
-        assert_eq!(syntax("PLY\n"), 1);
+        assert_eq!(syntax("PLX\n"), 1);
         assert_eq!(syntax("OFF\n3 x\n"), 2);
         assert_eq!(syntax(&good.replace("1 0 0", "1 0")), 4);
         assert_eq!(syntax(&good.replace("3 0 1 2", "4 0 1 2")), 6);

@@ -1,6 +1,9 @@
 //! PLY through `ply-rs-bw`: the elements `vertex` and `face`, other elements skipped.
 //!
-//! The header is read first and every count checked against the remaining bytes.
+//! The header is read first and every count checked against the remaining bytes. Decimal
+//! numbers are read in double precision, whatever type the header gives them.
+
+use std::io::BufRead as _;
 
 use glam::DVec3;
 use ply_rs_bw::parser::{Parser, Reader};
@@ -9,10 +12,13 @@ use ply_rs_bw::ply::{
     ScalarType,
 };
 
-use super::format::{Soup, push_fan};
-use super::{MeshError, MeshFormat, TRIANGLES_MAX, VERTICES_MAX, check_count};
+use super::polygons::{Polygons, check_count};
+use super::text::{self, Lines};
+use super::{MeshError, MeshFormat, TRIANGLES_MAX, VERTICES_MAX};
 
 const FORMAT: MeshFormat = MeshFormat::Ply;
+/// Bytes in which a header says whether the file is ASCII, and in which it ends.
+const HEAD_BYTES: usize = 65_536;
 
 /// The used properties of any element: coordinates, and corners if it has them.
 struct Element {
@@ -53,36 +59,105 @@ fn scalar(value: &Property) -> f64 {
     }
 }
 
-pub(super) fn read(bytes: &[u8]) -> Result<Soup, MeshError> {
-    let mut reader = Reader::new(bytes);
+/// Whether a file is ASCII, by its header.
+pub(super) fn is_text(bytes: &[u8]) -> bool {
+    let head = text::plain(&bytes[..bytes.len().min(HEAD_BYTES)]);
+    let mut lines = head.split(|byte| *byte == b'\n');
+    lines.any(|line| line.to_ascii_lowercase().starts_with(b"format ascii"))
+}
+
+/// Reads one object, binary or plain text; returns what follows.
+pub(super) fn read<'a>(bytes: &'a [u8], polygons: &mut Polygons) -> Result<&'a [u8], MeshError> {
+    let (head, body) = split(bytes)?;
     let parser = Parser::<Element>::new();
-    let refused = |error: ply_rs_bw::parser::ParseError| match error.line() {
-        Some(line) => MeshError::Syntax { format: FORMAT, line, expected: "valid PLY" },
-        None => MeshError::Unreadable { format: FORMAT },
-    };
-    let header = parser.read_header(&mut reader).map_err(refused)?;
-    check_header(&header, bytes.len())?;
-    let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
+    let header =
+        parser.read_header(&mut Reader::new(&head[..])).map_err(|error| refused(&error))?;
+    check_header(&header, body.len())?;
+    let before = &bytes[..bytes.len() - body.len()];
+    let n_lines = before.iter().filter(|byte| **byte == b'\n').count();
+    let mut lines = Lines { rest: body, line: n_lines };
     for element in header.elements.values() {
-        let values =
-            parser.read_payload_for_element(&mut reader, element, &header).map_err(refused)?;
-        match element.name.as_str() {
-            "vertex" => {
-                vertices = values.iter().map(|value| DVec3::from_array(value.position)).collect();
-            }
-            "face" => {
-                for (polygon, value) in values.iter().enumerate() {
-                    let n_vertices = vertices.len();
-                    if !value.corners_fit {
-                        return Err(MeshError::Index { triangle: polygon, found: -1, n_vertices });
-                    }
-                    push_fan(&mut triangles, &value.corners, polygon, n_vertices)?;
+        for number in 0..element.count {
+            let read = match header.encoding {
+                Encoding::Ascii => {
+                    let Some((_, line)) = lines.find(|(_, line)| !line.is_empty()) else {
+                        let expected = "as many elements as the header says";
+                        return Err(MeshError::Syntax {
+                            format: FORMAT,
+                            line: lines.line,
+                            expected,
+                        });
+                    };
+                    parser.read_ascii_element(line, element)
                 }
+                Encoding::BinaryBigEndian => {
+                    parser.read_big_endian_element(&mut lines.rest, element)
+                }
+                Encoding::BinaryLittleEndian => {
+                    parser.read_little_endian_element(&mut lines.rest, element)
+                }
+            };
+            let read = read.map_err(|_| match header.encoding {
+                Encoding::Ascii => {
+                    let expected = "the numbers of its element, by the header";
+                    MeshError::Syntax { format: FORMAT, line: lines.line, expected }
+                }
+                _ => MeshError::Unreadable { format: FORMAT },
+            })?;
+            match element.name.as_str() {
+                "vertex" => polygons.vertex(DVec3::from_array(read.position))?,
+                "face" if read.corners_fit => polygons.polygon(&read.corners)?,
+                "face" => {
+                    let n_vertices = polygons.n_vertices();
+                    return Err(MeshError::Index { triangle: number, found: -1, n_vertices });
+                }
+                _ => {}
             }
-            _ => {}
         }
     }
-    Ok((vertices, triangles))
+    Ok(lines.rest)
+}
+
+/// The header as the reader knows it, and what follows it.
+fn split(bytes: &[u8]) -> Result<(Vec<u8>, &[u8]), MeshError> {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
+    let window = &bytes[..bytes.len().min(HEAD_BYTES)];
+    let word = b"end_header";
+    let end = window.windows(word.len()).position(|part| part.eq_ignore_ascii_case(word));
+    let expected = "a header with an end";
+    let end = end.ok_or(MeshError::Syntax { format: FORMAT, line: 1, expected })? + word.len();
+    // All lines of a header end alike, and a first byte of the body may look like a line's end.
+    let line_end = match window.iter().position(|byte| matches!(byte, b'\r' | b'\n')) {
+        Some(at) if window[at..].starts_with(b"\r\n") => 2,
+        _ => 1,
+    };
+    let body = bytes.get(end + line_end..).unwrap_or_default();
+    let plain = text::plain(&bytes[..end]).to_ascii_lowercase();
+    let is_ascii = is_text(&plain);
+    let mut head = Vec::new();
+    for line in plain.lines() {
+        let line = line.map_err(|_| MeshError::Unreadable { format: FORMAT })?;
+        let mut words: Vec<&str> = line.split_ascii_whitespace().collect();
+        if words.is_empty() {
+            continue;
+        }
+        if is_ascii && words.first() == Some(&"property") {
+            for word in &mut words[1..] {
+                if matches!(*word, "float" | "float32") {
+                    *word = "double";
+                }
+            }
+        }
+        head.extend(words.join(" ").bytes().chain([b'\n']));
+    }
+    Ok((head, body))
+}
+
+fn refused(error: &ply_rs_bw::parser::ParseError) -> MeshError {
+    match error.line() {
+        Some(line) => MeshError::Syntax { format: FORMAT, line, expected: "valid PLY" },
+        None => MeshError::Unreadable { format: FORMAT },
+    }
 }
 
 /// Refuses counts that are over the limits or need more bytes than the file has.

@@ -1,68 +1,105 @@
-//! STL through `stl_io`: triangle by triangle, their count checked against the bytes first.
+//! STL, binary or ASCII, one solid at a time.
 //!
-//! A binary file whose comment begins with "solid" is recognised as binary by its length.
+//! A binary file's count is checked against its bytes first. Its header has a zero byte in the
+//! count, which text has not: a binary comment may begin with "solid". Normals are not read.
 
-use std::io::Cursor;
+use glam::{DVec3, Vec3};
 
-use glam::DVec3;
-
-use super::format::Soup;
-use super::{MeshError, MeshFormat, TRIANGLES_MAX, check_count};
+use super::polygons::{Polygons, check_count};
+use super::text::{Lines, numbers};
+use super::{MeshError, MeshFormat, TRIANGLES_MAX, text};
 
 const FORMAT: MeshFormat = MeshFormat::Stl;
 const HEADER_BYTES: usize = 84;
 const TRIANGLE_BYTES: usize = 50;
 
-pub(super) fn read(bytes: &[u8]) -> Result<Soup, MeshError> {
-    let says_solid = bytes.starts_with(b"solid");
-    match binary_count(bytes) {
-        Some(n) if bytes.len() == HEADER_BYTES + n * TRIANGLE_BYTES && says_solid => {
-            // The reader judges by the first word, so the comment is replaced.
-            read_triangles(&[b"binary", &bytes[6..]].concat())
+/// Whether a file is ASCII: it begins with the word "solid" and has no zero byte.
+pub(super) fn is_text(bytes: &[u8]) -> bool {
+    let is_wide = matches!(bytes, [0xff, 0xfe, ..] | [0xfe, 0xff, ..] | [_, 0, ..] | [0, ..]);
+    let has_zero = bytes[..bytes.len().min(HEADER_BYTES)].contains(&0);
+    let head = text::plain(&bytes[..bytes.len().min(3 * HEADER_BYTES)]);
+    let word = head.trim_ascii_start().get(..5);
+    word.is_some_and(|word| word.eq_ignore_ascii_case(b"solid")) && (is_wide || !has_zero)
+}
+
+/// Reads one binary file, or all solids of plain text; returns what follows.
+pub(super) fn read<'a>(bytes: &'a [u8], polygons: &mut Polygons) -> Result<&'a [u8], MeshError> {
+    if is_text(bytes) { read_text(bytes, polygons) } else { read_binary(bytes, polygons) }
+}
+
+fn read_binary<'a>(bytes: &'a [u8], polygons: &mut Polygons) -> Result<&'a [u8], MeshError> {
+    let found = bytes.len();
+    let truncated = |expected| MeshError::Truncated { format: FORMAT, found, expected };
+    let count = bytes.get(HEADER_BYTES - 4..HEADER_BYTES).ok_or(truncated(HEADER_BYTES))?;
+    let n = u32::from_le_bytes([count[0], count[1], count[2], count[3]]) as usize;
+    check_count("triangles", n, TRIANGLES_MAX)?;
+    let end = HEADER_BYTES + n * TRIANGLE_BYTES;
+    let triangles = bytes.get(HEADER_BYTES..end).ok_or(truncated(end))?;
+    for triangle in triangles.chunks_exact(TRIANGLE_BYTES) {
+        let number = |at: usize| {
+            let bytes = &triangle[4 * at..4 * at + 4];
+            f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])
+        };
+        // The first three are the normal.
+        for at in [3, 6, 9] {
+            let corner = Vec3::new(number(at), number(at + 1), number(at + 2));
+            polygons.vertex(corner.as_dvec3())?;
         }
-        _ if says_solid && !bytes.starts_with(b"solid ") => {
-            // "solid" without a name, which the reader does not accept.
-            read_triangles(&[b"solid ", &bytes[5..]].concat())
-        }
-        _ if says_solid => read_triangles(bytes),
-        Some(n) => {
-            check_count("triangles", n, TRIANGLES_MAX)?;
-            let expected = HEADER_BYTES + n * TRIANGLE_BYTES;
-            if bytes.len() < expected {
-                let found = bytes.len();
-                return Err(MeshError::Truncated { format: FORMAT, found, expected });
+        let first = polygons.n_vertices() as u32 - 3;
+        polygons.polygon(&[first, first + 1, first + 2])?;
+    }
+    Ok(&bytes[end..])
+}
+
+/// Reads facets, whatever solids they are in; words may stand in any line.
+fn read_text<'a>(text: &'a [u8], polygons: &mut Polygons) -> Result<&'a [u8], MeshError> {
+    let mut corners = Vec::new();
+    let mut in_loop = false;
+    let mut last = 0;
+    for (line, words) in Lines::of(text) {
+        let fault = |expected| MeshError::Syntax { format: FORMAT, line, expected };
+        let mut words = words.split_ascii_whitespace();
+        while let Some(word) = words.next() {
+            last = line;
+            match word.to_ascii_lowercase().as_str() {
+                // The rest of the line is a name.
+                "solid" | "endsolid" if !in_loop => words.by_ref().for_each(drop),
+                "facet" if !in_loop => {
+                    let normal: [Option<&str>; 4] = std::array::from_fn(|_| words.next());
+                    if normal[3].is_none() {
+                        return Err(fault("a normal of three numbers"));
+                    }
+                }
+                "outer" if !in_loop => {
+                    in_loop = words.next().is_some_and(|word| word.eq_ignore_ascii_case("loop"));
+                    if !in_loop {
+                        return Err(fault("the word loop"));
+                    }
+                }
+                "vertex" if in_loop => {
+                    let place = numbers::<3>(&mut words)
+                        .ok_or(fault("a vertex of three numbers such as 1.5, with a point"))?;
+                    corners.push(polygons.n_vertices() as u32);
+                    polygons.vertex(DVec3::from_array(place))?;
+                }
+                "endloop" if in_loop => {
+                    if corners.len() < 3 {
+                        return Err(fault("three vertices before the loop's end"));
+                    }
+                    polygons.polygon(&corners)?;
+                    corners.clear();
+                    in_loop = false;
+                }
+                "endfacet" if !in_loop => {}
+                _ => return Err(fault("solid, facet, outer loop, vertex or an end of them")),
             }
-            read_triangles(bytes)
-        }
-        None => {
-            let found = bytes.len();
-            Err(MeshError::Truncated { format: FORMAT, found, expected: HEADER_BYTES })
         }
     }
-}
-
-/// The count of a binary file's header.
-fn binary_count(bytes: &[u8]) -> Option<usize> {
-    let field = bytes.get(HEADER_BYTES - 4..HEADER_BYTES)?.try_into().ok()?;
-    Some(u32::from_le_bytes(field) as usize)
-}
-
-fn read_triangles(bytes: &[u8]) -> Result<Soup, MeshError> {
-    let unreadable = |_| MeshError::Unreadable { format: FORMAT };
-    let mut cursor = Cursor::new(bytes);
-    let reader = stl_io::create_stl_reader(&mut cursor).map_err(unreadable)?;
-    let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
-    for triangle in reader {
-        let triangle = triangle.map_err(unreadable)?;
-        check_count("triangles", triangles.len() + 1, TRIANGLES_MAX)?;
-        let first = vertices.len() as u32;
-        triangles.push([first, first + 1, first + 2]);
-        vertices.extend(triangle.vertices.map(|corner| {
-            let [x, y, z] = corner.0.map(f64::from);
-            DVec3::new(x, y, z)
-        }));
+    let expected = "the end of a facet before that of the file";
+    if in_loop {
+        return Err(MeshError::Syntax { format: FORMAT, line: last, expected });
     }
-    Ok((vertices, triangles))
+    Ok(&text[text.len()..])
 }
 
 #[cfg(test)]
@@ -85,6 +122,9 @@ mod tests {
         assert!(read(&bytes).unwrap().is_watertight());
         bytes[..6].copy_from_slice(b"solid ");
         assert_eq!(read(&bytes).unwrap().vertices().len(), 4);
+        // Padding behind the last triangle changes nothing.
+        bytes.extend([0; 60]);
+        assert_eq!(read(&bytes).unwrap().vertices().len(), 4);
     }
 
     #[test]
@@ -106,9 +146,15 @@ mod tests {
         nan[96..100].copy_from_slice(&f32::NAN.to_le_bytes());
         assert_eq!(read(&nan), MeshError::NotFinite { vertex: 0 });
         assert_eq!(read(b"solid x\nendsolid x\n"), MeshError::Empty);
-        let cut = ASCII.replace("vertex 0 1 0\n", "");
-        assert_eq!(read(cut.as_bytes()), MeshError::Unreadable { format: FORMAT });
-        let infinite = ASCII.replace("1 0 0", "1e99 0 0");
-        assert_eq!(read(infinite.as_bytes()), MeshError::Unreadable { format: FORMAT });
+        let line = |from: &str, to: &str| match read(ASCII.replace(from, to).as_bytes()) {
+            MeshError::Syntax { line, .. } => line,
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(line("vertex 0 1 0\n", ""), 6);
+        assert_eq!(line("vertex 0 1 0", "vertex 0 1,5 0"), 6);
+        assert_eq!(line("endsolid", "garbage"), 9);
+        assert_eq!(line("endloop\nendfacet\nendsolid\n", ""), 6);
+        let infinite = ASCII.replace("1 0 0", "1e999 0 0");
+        assert_eq!(read(infinite.as_bytes()), MeshError::NotFinite { vertex: 1 });
     }
 }

@@ -7,8 +7,14 @@ use crate::envelope::Kind;
 use crate::error::RecordError;
 use crate::record::{Record, code, coded, read, write};
 
-const MESH_FORMATS: [MeshFormat; 4] =
-    [MeshFormat::Stl, MeshFormat::Obj, MeshFormat::Ply, MeshFormat::Off];
+const MESH_FORMATS: [MeshFormat; 6] = [
+    MeshFormat::Stl,
+    MeshFormat::Obj,
+    MeshFormat::Ply,
+    MeshFormat::Off,
+    MeshFormat::Glb,
+    MeshFormat::ThreeMf,
+];
 const MESH_UNITS: [MeshUnit; 4] =
     [MeshUnit::Metre, MeshUnit::Millimetre, MeshUnit::Centimetre, MeshUnit::Inch];
 

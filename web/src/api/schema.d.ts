@@ -953,10 +953,13 @@ export interface paths {
         get: operations["get_mesh"];
         /**
          * Upload an object's mesh
-         * @description The body is the raw file. `unit` is mandatory because no mesh format records it; CAD programs
-         *     usually write millimetres, robotics tools metres. The content type names the format
-         *     (`model/stl`, `model/obj`, `model/ply`, `model/off`); with `application/octet-stream`, `format`
-         *     does. The upload replaces the previous mesh. Versions trained from that mesh do not change.
+         * @description The body is the raw file, at most 67 MB and two million triangles. All its solids, groups and
+         *     objects are one body. `unit` is mandatory for STL, OBJ, PLY and OFF, which do not record it; CAD
+         *     programs usually write millimetres, robotics tools metres. The content type names the format
+         *     (`model/stl`, `model/obj`, `model/ply`, `model/off`, `model/gltf-binary`, `model/3mf`); with
+         *     `application/octet-stream`, `format` does. A GLB's buffers must be inside the file, without
+         *     compression. The upload replaces the previous mesh. Versions trained from that mesh do not
+         *     change.
          */
         put: operations["put_mesh"];
         post?: never;
@@ -3821,7 +3824,7 @@ export interface components {
          * @description File format of a mesh.
          * @enum {string}
          */
-        MeshFormat: "stl" | "obj" | "ply" | "off";
+        MeshFormat: "stl" | "obj" | "ply" | "off" | "glb" | "3mf";
         /** @description An uploaded mesh. */
         MeshInfo: {
             /**
@@ -3833,7 +3836,7 @@ export interface components {
             format: components["schemas"]["MeshFormat"];
             /** @description BLAKE3 hash of the file, in hexadecimal. */
             hash: string;
-            /** @description Unit given at upload. */
+            /** @description Unit given at upload, or recorded in the file (micrometres are shown as `mm`, feet as `in`). */
             unit: components["schemas"]["MeshUnit"];
             /**
              * Format: date-time
@@ -19545,6 +19548,8 @@ export interface operations {
                     "model/obj": components["schemas"]["MeshFile"];
                     "model/ply": components["schemas"]["MeshFile"];
                     "model/off": components["schemas"]["MeshFile"];
+                    "model/gltf-binary": components["schemas"]["MeshFile"];
+                    "model/3mf": components["schemas"]["MeshFile"];
                 };
             };
             /** @description The API key is missing or not valid */
@@ -19683,9 +19688,13 @@ export interface operations {
     };
     put_mesh: {
         parameters: {
-            query: {
-                /** @description Unit of the file's coordinates. Mandatory, because a wrong guess would go unnoticed. */
-                unit: components["schemas"]["MeshUnit"];
+            query?: {
+                /**
+                 * @description Unit of the file's coordinates. Mandatory for STL, OBJ, PLY and OFF, because they do not
+                 *     record it and a wrong guess would go unnoticed. GLB is in metres and 3MF names its unit:
+                 *     another one is refused.
+                 */
+                unit?: components["schemas"]["MeshUnit"];
                 /** @description Format of the file, if the content type is `application/octet-stream`. */
                 format?: components["schemas"]["MeshFormat"];
             };

@@ -28,7 +28,7 @@ function preamble(): string[] {
 /** The object of the examples. */
 const EXAMPLE = "mug";
 export const EXAMPLE_MESH = `palpate objects example ${EXAMPLE} --out .`;
-export const ADD_EXAMPLE = [EXAMPLE_MESH, `palpate objects add ${EXAMPLE} --mesh ${EXAMPLE}.stl`];
+export const ADD_EXAMPLE = [EXAMPLE_MESH, `palpate objects add ${EXAMPLE} --mesh ${EXAMPLE}.stl --unit mm`];
 
 /** Commands that train what the server has, or the example. */
 export function TrainCommands() {

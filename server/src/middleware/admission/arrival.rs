@@ -10,7 +10,7 @@ use futures::StreamExt;
 use crate::admission::Room;
 use crate::app::App;
 use crate::client::Client;
-use crate::refusal::{Refusal, RequestError};
+use crate::refusal::{Refusal, RequestError, SMALLER_MESH};
 
 /// Multiple of its limit up to which a too long body is read and discarded, so that the
 /// robot, still sending, gets to read the answer.
@@ -35,6 +35,7 @@ pub(super) async fn receive(
     let config = &app.config;
     let is_json = content_type_is_structured(&request);
     let max = if is_json { config.json_bytes_max } else { config.mesh_bytes_max };
+    let advice = if is_json { "" } else { SMALLER_MESH };
     let time = Time { whole: config.body_timeout, pause: config.patience.body };
     let (mut parts, body) = request.into_parts();
     let reading = read(body, max, &room, time.pause);
@@ -42,6 +43,7 @@ pub(super) async fn receive(
     let bytes = tokio::time::timeout(within, reading).await;
     let bytes = bytes.map_err(|_| RequestError::BodyTooSlow { within })??;
     parts.extensions.insert(room.clone());
+    let bytes = bytes.ok_or(RequestError::BodyTooLarge { max, advice })?;
     Ok((Request::from_parts(parts, Body::from(bytes)), room))
 }
 
@@ -52,7 +54,13 @@ fn content_type_is_structured(request: &Request) -> bool {
     value.contains("json") || value.contains("msgpack")
 }
 
-async fn read(body: Body, max: usize, room: &Room, pause: Duration) -> Result<Bytes, Refusal> {
+/// The body, or nothing if it is longer than `max`.
+async fn read(
+    body: Body,
+    max: usize,
+    room: &Room,
+    pause: Duration,
+) -> Result<Option<Bytes>, Refusal> {
     let mut stream = body.into_data_stream();
     let mut bytes = Vec::new();
     let mut length = 0usize;
@@ -71,5 +79,5 @@ async fn read(body: Body, max: usize, room: &Room, pause: Duration) -> Result<By
             break;
         }
     }
-    if length > max { Err(RequestError::BodyTooLarge { max }.into()) } else { Ok(bytes.into()) }
+    Ok((length <= max).then(|| bytes.into()))
 }

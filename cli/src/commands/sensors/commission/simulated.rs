@@ -44,6 +44,8 @@ pub(super) async fn mesh(client: &Client, touched: &Touched) -> anyhow::Result<M
         MeshFormat::Obj => mesh::MeshFormat::Obj,
         MeshFormat::Ply => mesh::MeshFormat::Ply,
         MeshFormat::Off => mesh::MeshFormat::Off,
+        MeshFormat::Glb => mesh::MeshFormat::Glb,
+        MeshFormat::ThreeMf => mesh::MeshFormat::ThreeMf,
     };
     Ok(Mesh::from_bytes(format, &file, info.unit.metres())?)
 }
