@@ -21,7 +21,7 @@ from nats_servers import Servers, add, belief, new_session, palpate, simulated, 
 
 PROGRAM = os.environ["PALPATE_NATS_SERVER"]
 CUT_S = 5
-GOES_ON_WITHIN_S = 60
+GOES_ON_WITHIN_S = 600
 
 
 def start(folder, name, port, text):

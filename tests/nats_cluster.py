@@ -16,7 +16,7 @@ import tempfile
 import time
 
 PROGRAM = os.environ["PALPATE_NATS_SERVER"]
-READY_WITHIN_S = 30
+READY_WITHIN_S = 300
 
 
 def free_ports(number):

@@ -17,7 +17,7 @@ import palpate
 from palpate import local
 from palpate.local import Mesh, Sensor
 
-STARTED_S_MAX = 30
+STARTED_S_MAX = 300
 
 
 @dataclass

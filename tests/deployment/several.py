@@ -20,7 +20,7 @@ import yaml
 ROOT = Path(__file__).resolve().parents[2]
 CLUSTER = ROOT / "deploy/cluster"
 N_SESSIONS = 40
-READY_WITHIN_S = 20
+READY_WITHIN_S = 200
 
 services = yaml.safe_load((CLUSTER / "compose.yaml").read_text())["services"]
 palpate = sorted(name for name in services if name.startswith("palpate"))

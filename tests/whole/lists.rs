@@ -53,6 +53,9 @@ fn places() -> Vec<Place> {
     for (path, item) in description["paths"].as_object().unwrap() {
         for (method, operation) in item.as_object().unwrap() {
             let content = &operation["requestBody"]["content"];
+            if content[JSON].is_null() {
+                continue;
+            }
             let mut of_body: BTreeMap<String, (Vec<String>, Option<Small>)> = BTreeMap::new();
             walk(&content[JSON]["schema"], "", schemas, 0, &mut |pointer, schema| {
                 let (permitted, item) = of_body.entry(pointer.to_owned()).or_default();

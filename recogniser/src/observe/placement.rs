@@ -100,14 +100,14 @@ impl Placement {
         sum(moved, sum(self.of_base_alone(), other.of_base_alone()))
     }
 
-    /// Cause of the shift of the touch, the `index`th of the session.
-    pub(crate) fn shifted_by(&self, index: usize) -> Shift {
+    /// Cause of the shift of the touch.
+    pub(crate) fn shifted_by(&self) -> Shift {
         if self.moved == (0.0, 0.0) {
             return self.base.map_or(Shift::None, |base| Shift::Base(base.robot, base.looseness));
         }
         let (position, angle) = self.shifting();
         let angle = f64::from(angle).sqrt().max(ANGLE_MIN);
-        Shift::Motion(index, Looseness { position: f64::from(position).sqrt(), angle })
+        Shift::Motion(Looseness { position: f64::from(position).sqrt(), angle })
     }
 
     /// Factor on the touch's weight after the object's motion. Part of equation R14.
@@ -156,20 +156,8 @@ pub(crate) enum Shift {
     None,
     /// The base of a robot (its number), which shifts all touches of that robot.
     Base(u32, Looseness),
-    /// The object's motion since the touch with this index, and its base; it shifts only this
-    /// touch.
-    Motion(usize, Looseness),
-}
-
-impl Shift {
-    /// Whether both are one shift: of one robot's base, or of one touch.
-    pub(crate) fn is_of(&self, other: &Self) -> bool {
-        match (self, other) {
-            (Self::Base(robot, _), Self::Base(of, _)) => robot == of,
-            (Self::Motion(index, _), Self::Motion(of, _)) => index == of,
-            _ => false,
-        }
-    }
+    /// The object's motion since the touch, and its base; it shifts only this touch.
+    Motion(Looseness),
 }
 
 /// Share of the weight kept at this variance (m²) of the position; ½ at a deviation of `half` (m).
@@ -216,10 +204,10 @@ mod tests {
     fn motion_shifts_one_touch_and_a_base_all_of_its_robot() {
         let now = Placement::default().on_base(base(7));
         let looseness = Looseness { position: 0.004, angle: 0.0 };
-        assert_eq!(now.shifted_by(3), Shift::Base(7, looseness));
-        let Shift::Motion(3, before) = now.after(1, &MOTION).shifted_by(3) else { panic!() };
+        assert_eq!(now.shifted_by(), Shift::Base(7, looseness));
+        let Shift::Motion(before) = now.after(1, &MOTION).shifted_by() else { panic!() };
         assert!((before.position - 0.005).abs() < 1e-8);
-        assert_eq!(Placement::default().shifted_by(3), Shift::None);
+        assert_eq!(Placement::default().shifted_by(), Shift::None);
     }
 
     #[test]

@@ -6,6 +6,8 @@
 //! tool centre that all touches share (equation R21a). The covariance is the inverse of the
 //! Hessian (equation R22).
 
+use std::collections::BTreeMap;
+
 use glam::{DVec3, Mat3, Quat, Vec3};
 use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Vector3, Vector6};
 use palpate_core::reading::Looseness;
@@ -155,17 +157,60 @@ fn linearise(
     kernel: &Kernel,
     options: &SurfaceOptions,
 ) -> System {
-    let mut exact = System::default();
-    let mut loose: Vec<(Shift, Looseness, System)> = Vec::new();
+    let Systems { mut exact, loose, .. } = systems(hypothesis, map, touches, kernel, options);
+    for (looseness, system) in &loose {
+        exact.add_loose(system, looseness);
+    }
+    exact.add_tool(hypothesis.tool, &options.refinement);
+    exact
+}
+
+/// What touches contribute to the normal equations, by what shifts them: an arrow, whose shaft is
+/// the pose and whose barbs are the bases.
+#[derive(Default)]
+struct Systems {
+    /// The touches at their stated places.
+    exact: System,
+    /// The touches of each base, and each touch before a motion of the object.
+    loose: Vec<(Looseness, System)>,
+    /// The place of each robot's base among the loose ones.
+    bases: BTreeMap<u32, usize>,
+}
+
+impl Systems {
+    /// The system to which a touch contributes.
+    fn of(&mut self, shift: Shift) -> &mut System {
+        let next = self.loose.len();
+        let (place, looseness) = match shift {
+            Shift::None => return &mut self.exact,
+            Shift::Base(robot, looseness) => (*self.bases.entry(robot).or_insert(next), looseness),
+            Shift::Motion(looseness) => (next, looseness),
+        };
+        if place == next {
+            self.loose.push((looseness, System::default()));
+        }
+        &mut self.loose[place].1
+    }
+}
+
+/// The contributions of touches to the normal equations at a pose.
+fn systems(
+    hypothesis: &Hypothesis,
+    map: &SurfaceMap,
+    touches: &[Observation],
+    kernel: &Kernel,
+    options: &SurfaceOptions,
+) -> Systems {
+    let mut systems = Systems::default();
     let pose = hypothesis.inverse_pose();
     let session_from_object = pose.object_from_session.transpose();
     let along = kernel.along(map);
     let across = options.refinement.across.powi(-2);
-    for (index, touch) in touches.iter().enumerate() {
+    for touch in touches {
         let Some(place) = surface_point(kernel, map, &pose, touch) else { continue };
         let (position, angle) = touch.placement.shifting();
         let [across, along] = [across, along].map(|inverse| wider(inverse, touch.placement.own()));
-        let system = system_of(touch.placement.shifted_by(index), &mut exact, &mut loose);
+        let system = systems.of(touch.placement.shifted_by());
         let outward = session_from_object * place.normal;
         let off = session_from_object * place.offset;
         // The surface moves by m + ω × arm away from the touch, the touch by R δ away from the
@@ -190,35 +235,12 @@ fn linearise(
         let wrong = deviation.powi(2) + angle;
         turn_normal(system, outward, touch.normal - outward, deviation, wrong);
     }
-    for (_, looseness, system) in &loose {
-        exact.add_loose(system, looseness);
-    }
-    exact.add_tool(hypothesis.tool, &options.refinement);
-    exact
+    systems
 }
 
 /// The inverse variance of a touch whose position has a variance of its `own`.
 fn wider(inverse: f32, own: f32) -> f32 {
     if own > 0.0 { (inverse.recip() + own).recip() } else { inverse }
-}
-
-/// The system to which a touch contributes: the exact one, or that of all touches with the same
-/// shift.
-fn system_of<'a>(
-    shift: Shift,
-    exact: &'a mut System,
-    loose: &'a mut Vec<(Shift, Looseness, System)>,
-) -> &'a mut System {
-    let looseness = match shift {
-        Shift::None => return exact,
-        Shift::Base(_, looseness) | Shift::Motion(_, looseness) => looseness,
-    };
-    let known = loose.iter().position(|(other, ..)| other.is_of(&shift));
-    let place = known.unwrap_or_else(|| {
-        loose.push((shift, looseness, System::default()));
-        loose.len() - 1
-    });
-    &mut loose[place].2
 }
 
 /// Adds the residual `bent` of the surface's normal, which a rotation ω changes by ω × outward.
@@ -252,6 +274,9 @@ fn moves(arm: Vec3, session_from_sensor: Mat3) -> SMatrix<f64, 3, UNKNOWNS> {
 fn column(v: Vec3) -> Vector3<f64> {
     Vector3::new(v.x.into(), v.y.into(), v.z.into())
 }
+
+#[cfg(test)]
+mod dense;
 
 #[cfg(test)]
 mod tests {

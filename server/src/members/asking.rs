@@ -259,15 +259,12 @@ mod tests {
 
     #[tokio::test]
     async fn a_slow_member_is_not_waited_for_where_another_answers() {
-        let begun = Instant::now();
         let requests = vec![request(3, &[0, 1])];
-        let (answers, ..) = asked(&[Way::AnswersLate, Way::Answers], requests).await;
+        let (answers, questions, _) = asked(&[Way::AnswersLate, Way::Answers], requests).await;
         assert_eq!(answers, [Some(vec![3])]);
-        let took = begun.elapsed();
-        assert!(took >= PACE.patient && took < 10 * PACE.patient, "{took:?}");
+        assert_eq!(questions, [(0, vec![3]), (1, vec![3])], "asked before the first one answered");
         let (answers, ..) = asked(&[Way::AnswersLate], vec![request(3, &[0])]).await;
         assert_eq!(answers, [Some(vec![3])], "nobody else has it");
-        assert!(begun.elapsed() >= took + 10 * PACE.patient);
     }
 
     #[tokio::test]

@@ -69,8 +69,8 @@ impl Engine for Crowded {
     }
 }
 
-/// Time in which a server on a cluster has heard of everything.
-const FOLLOWED_WITHIN: Duration = Duration::from_secs(10);
+/// Time after which a test hangs; a server on a cluster usually hears of everything within a second.
+const FOLLOWED_WITHIN: Duration = Duration::from_secs(180);
 
 fn entry(at_ms: u64, server: usize, status: Option<u16>) -> AuditEntry {
     AuditEntry {
@@ -175,7 +175,7 @@ fn one_server_at_a_time_has_a_lease() {
     drop(first);
     let begun = Instant::now();
     while wait(engines[1].lease("keys")).unwrap().is_none() {
-        assert!(begun.elapsed() < Duration::from_secs(10), "it was not given back");
+        assert!(begun.elapsed() < FOLLOWED_WITHIN, "it was not given back");
         std::thread::yield_now();
     }
 }
@@ -197,7 +197,7 @@ fn a_lease_is_renewed_while_it_is_held() {
     drop(first);
     let begun = Instant::now();
     while wait(second.lease("training")).unwrap().is_none() {
-        assert!(begun.elapsed() < Duration::from_secs(40), "it does not expire");
+        assert!(begun.elapsed() < FOLLOWED_WITHIN, "it does not expire");
         std::thread::sleep(Duration::from_millis(100));
     }
 }
