@@ -25,7 +25,7 @@ use palpate_schemas::{
 };
 use utoipa::OpenApi as _;
 use utoipa::openapi::extensions::Extensions;
-use utoipa::openapi::path::{Operation, ParameterIn, PathItem};
+use utoipa::openapi::path::{Operation, Parameter, ParameterIn, PathItem};
 use utoipa::openapi::security::{Http, HttpAuthScheme, SecurityRequirement, SecurityScheme};
 use utoipa::openapi::{Content, Header, OpenApi, Ref, RefOr, Response};
 
@@ -123,7 +123,10 @@ pub(crate) fn operations_without_query() -> BTreeSet<(String, &'static str)> {
     for (path, item) in &mut routes::api().into_openapi().paths.paths {
         for (method, operation) in operations(item) {
             let mut parameters = operation.parameters.iter().flatten();
-            if !parameters.any(|parameter| parameter.parameter_in == ParameterIn::Query) {
+            let is_of_query = |parameter: &RefOr<Parameter>| {
+                matches!(parameter, RefOr::T(it) if it.parameter_in == ParameterIn::Query)
+            };
+            if !parameters.any(is_of_query) {
                 found.insert((path.clone(), method));
             }
         }

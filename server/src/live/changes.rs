@@ -56,6 +56,12 @@ fn is_overtaken(error: &LiveError) -> bool {
     matches!(error, LiveError::Cause(Cause::Store(StoreError::Changed { .. })))
 }
 
+/// The robot, its number and the stamp of a reading that has them.
+fn stamp(reading: &Incoming) -> Option<((&str, u64), i64)> {
+    let id = reading.id.as_ref()?;
+    Some(((id.robot.as_str(), id.seq), reading.stored.stamp_ns?))
+}
+
 impl Live {
     /// Stores readings and returns the belief after them.
     pub(crate) async fn add(
@@ -296,13 +302,8 @@ impl Live {
     /// before it, of the request or else stored.
     fn set_back(&self, readings: &[&Incoming]) -> Result<Option<wire::Warning>, LiveError> {
         let (journal, key) = (self.tools.store.journal(), Asker::current().key());
-        let stamp = |reading: &&Incoming| {
-            Some((
-                (reading.id.as_ref()?.robot.as_str(), reading.id.as_ref()?.seq),
-                reading.stored.stamp_ns?,
-            ))
-        };
-        let stamps: BTreeMap<(&str, u64), i64> = readings.iter().filter_map(|reading| stamp(reading)).collect();
+        let stamps: BTreeMap<(&str, u64), i64> =
+            readings.iter().filter_map(|reading| stamp(reading)).collect();
         for (index, reading) in readings.iter().enumerate() {
             let Some(((robot, later), now)) = stamp(reading) else { continue };
             let before = match stamps.range((robot, 0)..(robot, later)).next_back() {

@@ -28,6 +28,7 @@ use crate::asker::Asker;
 use crate::cause::Cause;
 use crate::clock::now_ms;
 use crate::compute::ComputeError;
+use crate::hints::SetBack;
 use crate::model::Model;
 
 /// Interval at which a belief that objects are missing from is folded anew. Chosen: a fold may wait
