@@ -123,9 +123,7 @@ pub(crate) fn operations_without_query() -> BTreeSet<(String, &'static str)> {
     for (path, item) in &mut routes::api().into_openapi().paths.paths {
         for (method, operation) in operations(item) {
             let mut parameters = operation.parameters.iter().flatten();
-            let is_of_query = |parameter: &RefOr<Parameter>| {
-                matches!(parameter, RefOr::T(it) if it.parameter_in == ParameterIn::Query)
-            };
+            let is_of_query = |parameter: &RefOr<Parameter>| matches!(parameter, RefOr::T(it) if it.parameter_in == ParameterIn::Query);
             if !parameters.any(is_of_query) {
                 found.insert((path.clone(), method));
             }

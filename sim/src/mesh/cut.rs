@@ -229,7 +229,7 @@ mod tests {
         assert!(!cut(&bow, 1e-12, &mut 1000, |_| ()));
         let mut n = 0;
         let scattered: Vec<DVec3> = (0..3000)
-            .map(|idx| f64::from(idx))
+            .map(f64::from)
             .map(|idx| DVec3::new((idx * 12.9898).sin(), (idx * 78.233).sin(), 0.0))
             .collect();
         assert!(!cut(&scattered, 1e-12, &mut 1_000_000, |_| n += 1));

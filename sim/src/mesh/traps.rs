@@ -150,7 +150,7 @@ fn faces_that_come_twice_count_once_in_every_format() {
 fn far_coordinates_are_exact_or_said_in_every_format() {
     let far = prism(0).moved(DVec3::new(1e9 + 0.125, 0.0, 0.0));
     for (format, write, is_text, _) in WRITINGS {
-        let bytes = write(&[far.clone()]);
+        let bytes = write(std::slice::from_ref(&far));
         let single = format == MeshFormat::Glb || (format, is_text) == (MeshFormat::Stl, false);
         if single {
             let file = read(format, &bytes).unwrap();
@@ -196,7 +196,12 @@ fn nodes_of_a_glb_place_their_meshes() {
             "scenes":[{{"nodes":[0]}}],"#
         ),
     ] {
-        check(MeshFormat::Glb, &glb_with(&[half.clone()], &format!("\"nodes\":{nodes}")), 1, 0);
+        check(
+            MeshFormat::Glb,
+            &glb_with(std::slice::from_ref(&half), &format!("\"nodes\":{nodes}")),
+            1,
+            0,
+        );
     }
     let cycle = r#""nodes":[{"children":[1]},{"children":[0],"mesh":0}],"scenes":[{"nodes":[0]}],"#;
     let refused = read(MeshFormat::Glb, &glb_with(&[prism(0)], cycle)).unwrap_err();
