@@ -1,6 +1,8 @@
 // How far a view is scrolled: kept in its entry of the history, and restored on the way back and after a reload.
 
 const SAVED_AFTER_MS = 150;
+/** A view of this age that did not change its size is where it was left. */
+const SETTLED_MS = 1000;
 /** Content that has not arrived by then is not waited for. */
 const RESTORED_WITHIN_MS = 15_000;
 
@@ -39,15 +41,19 @@ export function restoreScroll(): void {
   const wanted = Number((history.state as { scrolled?: number } | null)?.scrolled ?? 0);
   scrollTo(0, wanted);
   if (wanted === 0) return;
+  let settling: ReturnType<typeof setTimeout> | undefined;
   const sizes = new ResizeObserver(() => {
     scrollTo(0, wanted);
-    if (scrollY >= wanted - 1) stop();
+    clearTimeout(settling);
+    // A view that is long enough may still be emptied and filled anew.
+    if (scrollY >= wanted - 1) settling = setTimeout(stop, SETTLED_MS);
   });
   const moves = ["wheel", "touchstart", "keydown", "pointerdown"];
   const timer = setTimeout(stop, RESTORED_WITHIN_MS);
   function stop() {
     sizes.disconnect();
     clearTimeout(timer);
+    clearTimeout(settling);
     for (const move of moves) removeEventListener(move, stop);
     stopRestoring = undefined;
   }

@@ -165,6 +165,8 @@ await measure("fleet", "fleet", ".fleet-row", async () => {
   await page.locator(".stage").waitFor();
   await page.goBack();
   await isThere();
+  await page.waitForTimeout(1500);
+  await isThere();
   await page.reload();
   await isThere();
   // A search looks into all sessions, and its link finds the same.

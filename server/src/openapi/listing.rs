@@ -1,5 +1,5 @@
-//! The API's operations as a page, for `/docs` in a build without the feature `swagger`: an index, and for each
-//! operation its method, path and summary.
+//! The API's operations as a page, for `/docs` in a build without the feature `swagger`: an index,
+//! and for each operation its method, path and summary.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -91,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn the_page_is_dressed_leads_back_and_has_an_anchor_for_each_link() {
+    fn the_page_leads_back_and_every_anchor_has_its_target() {
         let page = page();
         assert!(page.contains("href=\"/\">Dashboard</a>") && page.contains("/assets/app.css"));
         let targets = page.split("href=\"#").skip(1).map(|rest| &rest[..rest.find('"').unwrap()]);

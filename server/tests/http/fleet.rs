@@ -136,7 +136,7 @@ async fn sessions_that_need_attention_come_first_until_handled() {
     let needed = it.get("/v1/fleet?needed=true").await.expect(200);
     assert_eq!(ids(&needed), [alarmed.as_str()]);
     let (part, wrong) = (&quiet[1][20..].to_uppercase(), "nobody");
-    let found = it.get(&format!("/v1/fleet?search=SURFACE%20{part}")).await.expect(200);
+    let found = it.get(&format!("/v1/fleet?search=DEFAULT%20{part}")).await.expect(200);
     assert_eq!((ids(&found), &found["n_open"]), (vec![quiet[1].as_str()], &json!(3)));
     let none = it.get(&format!("/v1/fleet?search={part}%20{wrong}")).await.expect(200);
     assert_eq!(ids(&none), Vec::<&str>::new());

@@ -102,7 +102,8 @@ function useLinkToMoment(model: SessionModel): void {
   const at = model.at.value;
   const begun = model.begun.value;
   useEffect(() => {
-    if (begun) replaceRoute(...(at === null ? ["sessions", id] : ["sessions", id, "at", at]));
+    // Unless another page is there by now.
+    if (begun && route.peek()[1] === id) replaceRoute(...(at === null ? ["sessions", id] : ["sessions", id, "at", at]));
   }, [id, at, begun]);
   useEffect(() => {
     const follow = () => {
