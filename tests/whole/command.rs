@@ -42,7 +42,7 @@ impl Serving {
         Self::start_as(Command::new(palpate()), data, arguments)
     }
 
-    /// Like `start`, after a line of shell, which limits the process or ignores signals.
+    /// Like `start`, after a line of shell, such as one that ignores a signal.
     pub(crate) fn start_after(data: &Path, line: &str) -> Self {
         let mut shell = Command::new("sh");
         shell.args(["-c", &format!("{line} && exec \"$0\" \"$@\"")]).arg(palpate());

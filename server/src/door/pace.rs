@@ -30,7 +30,7 @@ const INTERIM: &[u8] = b"HTTP/1.1 100 Continue\r\n\r\n";
 /// Chosen: most answers come before the first. One that has gone is noticed at the second, within
 /// the second in which a core must be free again.
 const INTERIM_AFTER: [Duration; 3] =
-    [Duration::from_millis(300), Duration::from_millis(400), Duration::from_millis(500)];
+    [Duration::from_millis(150), Duration::from_millis(200), Duration::from_millis(300)];
 
 /// Pause of an answer, in which nothing is written, after which a client that has closed its
 /// direction counts as gone.
