@@ -165,8 +165,7 @@ fn linearise(
     exact
 }
 
-/// What touches contribute to the normal equations, by what shifts them: an arrow, whose shaft is
-/// the pose and whose barbs are the bases.
+/// What touches contribute to the normal equations, by what shifts them.
 #[derive(Default)]
 struct Systems {
     /// The touches at their stated places.
@@ -276,7 +275,7 @@ fn column(v: Vec3) -> Vector3<f64> {
 }
 
 #[cfg(test)]
-mod dense;
+mod dense_tests;
 
 #[cfg(test)]
 mod tests {
