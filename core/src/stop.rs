@@ -1,15 +1,47 @@
-//! Cancellation of a computation whose result is no longer needed.
+//! Cancellation of a computation whose result is no longer needed, and pauses of one that others
+//! wait for.
 //!
 //! Long loops call [`Stop::check`]: once a stop was requested it unwinds, without a message,
-//! up to [`Stop::heeding`]. The values under change at that moment must be discarded.
+//! up to [`Stop::heeding`]. The values under change at that moment must be discarded. While a
+//! computation is held, the same call waits.
 
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
 
 /// A request to end a computation. Clones share it.
 #[derive(Clone, Debug, Default)]
-pub struct Stop(Option<Arc<AtomicBool>>);
+pub struct Stop(Option<Arc<Orders>>);
+
+#[derive(Debug, Default)]
+struct Orders {
+    is_asked: AtomicBool,
+    is_held: AtomicBool,
+    n_waiting: AtomicUsize,
+    /// Taken to change an order that waiting threads must hear of.
+    changing: Mutex<()>,
+    changed: Condvar,
+}
+
+impl Orders {
+    fn set(&self, order: &AtomicBool, to: bool) {
+        if order.load(Ordering::Relaxed) == to {
+            return;
+        }
+        let _changing = self.changing.lock().unwrap_or_else(PoisonError::into_inner);
+        order.store(to, Ordering::Relaxed);
+        self.changed.notify_all();
+    }
+
+    fn wait(&self) {
+        let mut changing = self.changing.lock().unwrap_or_else(PoisonError::into_inner);
+        self.n_waiting.fetch_add(1, Ordering::Relaxed);
+        while self.is_held.load(Ordering::Relaxed) && !self.is_asked.load(Ordering::Relaxed) {
+            changing = self.changed.wait(changing).unwrap_or_else(PoisonError::into_inner);
+        }
+        self.n_waiting.fetch_sub(1, Ordering::Relaxed);
+    }
+}
 
 /// A computation ended before its result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,22 +60,53 @@ impl Stop {
         Self(Some(Arc::default()))
     }
 
-    /// Requests the end of every computation that checks it.
+    /// Requests the end of every computation that checks it, held or not.
     pub fn ask(&self) {
-        if let Some(asked) = &self.0 {
-            asked.store(true, Ordering::Relaxed);
+        if let Some(orders) = &self.0 {
+            orders.set(&orders.is_asked, true);
         }
+    }
+
+    /// Makes every computation that checks it wait until [`Stop::release`].
+    pub fn hold(&self) {
+        if let Some(orders) = &self.0 {
+            orders.set(&orders.is_held, true);
+        }
+    }
+
+    /// Ends [`Stop::hold`].
+    pub fn release(&self) {
+        if let Some(orders) = &self.0 {
+            orders.set(&orders.is_held, false);
+        }
+    }
+
+    /// Whether it is held.
+    #[must_use]
+    pub fn is_held(&self) -> bool {
+        self.0.as_ref().is_some_and(|orders| orders.is_held.load(Ordering::Relaxed))
+    }
+
+    /// Whether a computation has reached a check and waits there.
+    #[must_use]
+    pub fn is_waiting(&self) -> bool {
+        self.0.as_ref().is_some_and(|orders| orders.n_waiting.load(Ordering::Relaxed) > 0)
     }
 
     /// Whether it was requested.
     #[must_use]
     pub fn is_asked(&self) -> bool {
-        self.0.as_ref().is_some_and(|asked| asked.load(Ordering::Relaxed))
+        self.0.as_ref().is_some_and(|orders| orders.is_asked.load(Ordering::Relaxed))
     }
 
-    /// Unwinds when it was requested; cheap enough for loops of a microsecond.
+    /// Waits while it is held, and unwinds when it was requested; cheap enough for loops of a
+    /// microsecond.
     pub fn check(&self) {
-        if self.is_asked() {
+        let Some(orders) = &self.0 else { return };
+        if orders.is_held.load(Ordering::Relaxed) {
+            orders.wait();
+        }
+        if orders.is_asked.load(Ordering::Relaxed) {
             resume_unwind(Box::new(Stopped));
         }
     }
@@ -79,5 +142,24 @@ mod tests {
         });
         assert_eq!(done, Err(Stopped));
         assert_eq!(Stop::heeding(|| Stop::never().check()), Ok(()));
+    }
+
+    #[test]
+    fn held_work_waits_and_can_still_be_ended() {
+        for ends in [Stop::release, Stop::ask] {
+            let stop = Stop::possible();
+            stop.hold();
+            let (reached, has_reached) = std::sync::mpsc::channel();
+            let held = stop.clone();
+            let work = std::thread::spawn(move || {
+                let done = Stop::heeding(|| held.check());
+                reached.send(()).unwrap();
+                done
+            });
+            assert!(has_reached.recv_timeout(std::time::Duration::from_millis(20)).is_err());
+            ends(&stop);
+            has_reached.recv().unwrap();
+            assert_eq!(work.join().unwrap().is_err(), stop.is_asked());
+        }
     }
 }

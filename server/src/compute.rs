@@ -1,20 +1,23 @@
 //! The compute threads, behind a queue with a fixed number of slots.
 //!
 //! There are three kinds, each with as many threads as the operator permits, and each after the
-//! first with a lower priority. Readings take a millisecond. Questions, such as where to touch next,
-//! take tens of them: a reading never waits for one. Long work, such as lists, drawings,
-//! explanations and filters with a hundred thousand particles, comes last: under any load a robot
-//! waits only for other robots, and on an idle machine every kind is as fast.
+//! first with a lower priority: for readings, for questions such as where to touch next, and for
+//! long work, such as lists, drawings and explanations. What a piece of work costs is not guessed:
+//! each begins as its asker waits for it and works for at most 50 ms. Then another thread takes the
+//! next piece, and the one that has had its time goes on after all fresh work, in turns with others
+//! like it (`turns`). So short work waits for slices of work, never for all of it, whatever it is,
+//! and a client waits in proportion to the time that it has spent itself.
 //!
 //! A piece that is alone in its kind is shared out to all threads (`rayon` in core). Small pieces
 //! stay on one thread, and so do all once as many are at work as there are threads: to share costs
-//! processor time, to wake threads and to let them look for parts. Parts never run on a pool of the whole process, and no more pieces are started
-//! than threads compute. Async threads only wait. A computation takes a [`Place`] before anything
+//! processor time, to wake threads and to let them look for parts. No two pieces have the same
+//! threads. Async threads only wait. A computation takes a [`Place`] before anything
 //! is stored; if there is none, the request gets 503 and can be repeated. Work whose asker has
 //! gone (`asker`) is not started. A panic in one piece ends that piece only.
 
 mod urgency;
-mod queue;
+mod sharing;
+mod turns;
 mod threads;
 
 use std::io;
@@ -27,8 +30,7 @@ use thiserror::Error;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
 
 use crate::asker::Asker;
-use queue::{Piece, Queue};
-use threads::compute;
+use turns::{Piece, Turns};
 pub(crate) use urgency::{Size, Urgency};
 
 /// Time without progress after which waiting readings or questions make the server not ready. Chosen: a
@@ -45,18 +47,12 @@ pub(crate) struct Pool {
     n_places: usize,
 }
 
-/// The queues, closed when no more work can come.
-struct Open {
-    readings: Arc<Queue>,
-    questions: Arc<Queue>,
-    long: Arc<Queue>,
-}
+/// The turns of all work, closed when no more can come.
+struct Open(Arc<Turns>);
 
 impl Drop for Open {
     fn drop(&mut self) {
-        self.readings.close();
-        self.questions.close();
-        self.long.close();
+        self.0.close();
     }
 }
 
@@ -90,11 +86,8 @@ impl Pool {
     /// The operating system's error when it gives no thread.
     pub(crate) fn start(threads: usize, queue_max: usize) -> io::Result<Self> {
         let threads = threads.max(1);
-        let open = Arc::new(Open {
-            readings: compute(threads, Urgency::Reading)?,
-            questions: compute(threads, Urgency::Question)?,
-            long: compute(threads, Urgency::Long)?,
-        });
+        let open = Arc::new(Open(Arc::new(Turns::new(threads))));
+        threads::start(&open.0)?;
         let n_places = threads + queue_max;
         Ok(Self { places: Arc::new(Semaphore::new(n_places)), open, n_places })
     }
@@ -127,9 +120,9 @@ impl Pool {
     /// Whether work waits and no thread has taken any for a while: all are busy with endless
     /// pieces.
     pub(crate) fn is_stalled(&self) -> bool {
-        let Open { readings, questions, long } = &*self.open;
-        readings.stalled().max(questions.stalled()) >= STALLED_AFTER
-            || long.stalled() >= LONG_STALLED_AFTER
+        let stalled = |urgency| self.open.0.stalled(urgency);
+        stalled(Urgency::Reading).max(stalled(Urgency::Question)) >= STALLED_AFTER
+            || stalled(Urgency::Long) >= LONG_STALLED_AFTER
     }
 }
 
@@ -169,7 +162,7 @@ impl Place {
         let (answer, answered) = oneshot::channel();
         let Self { permit, open } = self;
         let (asker, queued) = (Asker::current(), Instant::now());
-        let client = asker.client();
+        let (client, pause) = (asker.client(), asker.overdue().clone());
         let work = Box::new(move || {
             metrics::histogram!("palpate_compute_wait_seconds").record(queued.elapsed());
             let begun = Instant::now();
@@ -179,12 +172,7 @@ impl Place {
             // The receiver is gone if the robot has left.
             let _ = answer.send(outcome);
         });
-        let piece = Piece { size, work };
-        match urgency {
-            Urgency::Reading => open.readings.push(client, piece),
-            Urgency::Question => open.questions.push(client, piece),
-            Urgency::Long => open.long.push(client, piece),
-        }
+        open.0.push(urgency, Piece { client, size, pause, work });
         drop(open);
         answered.await.unwrap_or(Err(ComputeError::Panicked))
     }
@@ -266,9 +254,11 @@ mod tests {
         let moment = Duration::from_millis(50);
         tokio::time::timeout(moment, endless).await.expect_err("it has no end");
         let free = pool.place().unwrap().run(|| 6 * 7);
-        let free = tokio::time::timeout(Duration::from_secs(10), free).await;
+        let free = tokio::time::timeout(Duration::from_secs(120), free).await;
         assert_eq!(free.expect("the thread is free"), Ok(42));
-        assert_eq!(pool.n_free(), 2);
+        while pool.n_free() < 2 {
+            tokio::task::yield_now().await;
+        }
     }
 
     #[tokio::test]
@@ -294,7 +284,7 @@ mod tests {
     #[tokio::test]
     async fn urgent_work_does_not_wait_for_other_work() {
         let pool = Pool::start(1, 4).unwrap();
-        let patience = Duration::from_secs(10);
+        let patience = Duration::from_secs(120);
         let mut waiting = Vec::new();
         for (busy, urgent) in
             [(Urgency::Long, Urgency::Question), (Urgency::Question, Urgency::Reading)]

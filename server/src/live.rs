@@ -61,10 +61,6 @@ use state::{Account, State, Turns};
 pub(crate) use status::status;
 use trace::Traces;
 
-/// Number of readings above which folding yields to other robots' work. Chosen: a batch of an
-/// arm's ten touches never does; a session folded from its journal may.
-const SHORT_READINGS_MAX: usize = 32;
-
 /// Number of objects times missing readings up to which a fold is small. Chosen: each takes 12 µs,
 /// and to share costs a tenth of a millisecond.
 const SMALL_OBJECTS_MAX: usize = 64;
@@ -247,8 +243,6 @@ impl Live {
     ) -> Result<T, LiveError> {
         let mut memory = std::mem::take(&mut state.memory);
         let missing = (length as usize).saturating_sub(memory.chronicle.len());
-        let is_long = missing > SHORT_READINGS_MAX || folding.method.is_geometric();
-        let urgency = if is_long { Urgency::Long } else { urgency };
         let is_small = urgency == Urgency::Reading
             && folding.method == Method::Surface
             && missing * self.model.objects.len() <= SMALL_OBJECTS_MAX;

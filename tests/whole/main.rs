@@ -6,6 +6,7 @@ mod book;
 mod command;
 mod constants;
 mod corpora;
+mod fair;
 mod house;
 mod load;
 mod numbers;

@@ -20,8 +20,9 @@ use uuid::Uuid;
 
 use crate::command::{Serving, palpate};
 
-/// Time after which a supervisor kills.
-const PATIENCE: Duration = Duration::from_secs(30);
+/// Time after which the supervisors of `deploy/` kill. The server's own limits end a stop earlier,
+/// on any machine.
+const PATIENCE: Duration = Duration::from_secs(60);
 const ROBOTS: usize = 24;
 
 fn client(url: &str) -> Client {

@@ -3,9 +3,9 @@
 /// Increment of the nice value of the threads for questions (Linux only). Chosen: at 5 a thread
 /// gets a quarter of a core that a thread for readings needs too.
 pub(super) const QUESTION_NICE: i32 = 5;
-/// The same for long work. Chosen: at 10 it gets a tenth, so long work still ends on a busy server.
+/// The same for long work, and for work of any urgency that has used up its slice. Chosen: at 10 it
+/// gets a tenth, so long work still ends on a busy server.
 pub(super) const LONG_NICE: i32 = 10;
-
 /// How urgently a piece of work is waited for, the most urgent first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Urgency {
@@ -17,6 +17,29 @@ pub(crate) enum Urgency {
     Long,
 }
 
+impl Urgency {
+    /// The most urgent first.
+    pub(super) const ALL: [Self; 3] = [Self::Reading, Self::Question, Self::Long];
+
+    /// Increment of the nice value of its threads.
+    pub(super) fn nice(self) -> i32 {
+        match self {
+            Self::Reading => 0,
+            Self::Question => QUESTION_NICE,
+            Self::Long => LONG_NICE,
+        }
+    }
+
+    /// The name of its threads.
+    pub(super) fn threads(self) -> &'static str {
+        match self {
+            Self::Reading => "compute",
+            Self::Question => "compute-question",
+            Self::Long => "compute-long",
+        }
+    }
+}
+
 /// How much work a piece is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Size {
@@ -24,24 +47,41 @@ pub(crate) enum Size {
     Small,
     /// More, or unknown.
     Large,
+    /// It takes memory in proportion to a body that may be large. No more such pieces are at work
+    /// than threads compute.
+    Heavy,
 }
 
-/// Sets the priority of this thread.
-pub(super) fn give_way(urgency: Urgency) {
-    // On other systems a priority is that of the whole process.
+/// A thread whose priority can be set.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Thread(#[cfg(target_os = "linux")] rustix::process::Pid);
+
+impl Thread {
+    /// This thread.
     #[cfg(target_os = "linux")]
-    {
-        use rustix::process::{getpriority_process, setpriority_process};
-        let more = match urgency {
-            Urgency::Reading => return,
-            Urgency::Question => QUESTION_NICE,
-            Urgency::Long => LONG_NICE,
-        };
-        let nicer = getpriority_process(None).map(|nice| (nice + more).min(19));
-        if let Err(error) = nicer.and_then(|nicer| setpriority_process(None, nicer)) {
-            tracing::warn!(%error, "Less urgent work cannot give way: {error}");
-        }
+    pub(super) fn current() -> Self {
+        Self(rustix::thread::gettid())
     }
+
+    /// This thread.
     #[cfg(not(target_os = "linux"))]
-    let _ = (urgency, QUESTION_NICE, LONG_NICE);
+    pub(super) fn current() -> Self {
+        Self()
+    }
+
+    /// Sets the priority: the nice value of the process, plus `more`.
+    pub(super) fn give_way(self, more: i32) {
+        // On other systems a priority is that of the whole process.
+        #[cfg(target_os = "linux")]
+        {
+            use rustix::process::{getpid, getpriority_process, setpriority_process};
+            // The main thread keeps the priority of the process.
+            let nicer = getpriority_process(Some(getpid())).map(|nice| (nice + more).min(19));
+            if let Err(error) = nicer.and_then(|nicer| setpriority_process(Some(self.0), nicer)) {
+                tracing::warn!(%error, "Less urgent work cannot give way: {error}");
+            }
+        }
+        #[cfg(not(target_os = "linux"))]
+        let _ = more;
+    }
 }

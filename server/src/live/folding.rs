@@ -306,6 +306,7 @@ impl Folding {
         if self.asker.is_gone() {
             return Err(ComputeError::Stopped.into());
         }
+        self.asker.overdue().check();
         let Ready { stored, reading, sensor, .. } = ready;
         let added = belief.add(stored, reading, &sensor.description);
         Ok(added.map_err(|error| self.unusable(&error))?)

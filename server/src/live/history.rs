@@ -6,9 +6,8 @@
 //! A replay folds readings that came in time once; a late one folds the readings after it
 //! again, from the nearest kept belief. An explanation is leave-one-out with the session's own
 //! method: the readings are folded without each in turn, from the belief of those before it.
-//! That takes n²/2 folds for n readings, so n is limited. Both are done in slices, so that other
-//! sessions' readings are not delayed, and end at a time limit; the answer of a replay says
-//! where to continue.
+//! That takes n²/2 folds for n readings, so n is limited. Both end at a time limit; the answer of
+//! a replay says where to continue.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -28,8 +27,6 @@ use crate::compute::Place;
 use crate::wire::count;
 use crate::wire::history::{self, Without};
 
-/// A slice of work on the compute pool.
-const SLICE: Duration = Duration::from_millis(100);
 /// Time limit of the steps of one replay. Chosen: a page is answered within ten seconds even
 /// for two concurrent requests whose readings take seconds each; `next_after` continues.
 const REPLAY_TIME_MAX: Duration = Duration::from_secs(2);
@@ -104,17 +101,15 @@ impl Live {
             steps: Vec::new(),
         };
         let after = question.after as usize;
-        let mut is_over = false;
-        while !is_over && (walk.steps.is_empty() || begun.elapsed() < REPLAY_TIME_MAX) {
-            let slice = move || {
-                let is_over = walk.go_on(after)?;
-                Ok::<_, LiveError>((walk, is_over))
-            };
-            (walk, is_over) = self.tools.pool.place()?.run_long(slice).await??;
-        }
-        let reached = question.after + walk.steps.len() as u64;
-        let last = move || walk.answer(question.poses).map(|answer| (answer, walk.steps));
-        let (answer, steps) = self.tools.pool.place()?.run_long(last).await??;
+        let work = move || {
+            let mut is_over = false;
+            while !is_over && (walk.steps.is_empty() || begun.elapsed() < REPLAY_TIME_MAX) {
+                is_over = walk.go_on(after, begun)?;
+            }
+            Ok::<_, LiveError>((walk.answer(question.poses)?, walk.steps))
+        };
+        let (answer, steps) = self.tools.pool.place()?.run_long(work).await??;
+        let reached = question.after + steps.len() as u64;
         let belief = self.shown(reached, &answer);
         Ok(wire::Replay {
             session: self.session.id,
@@ -130,15 +125,14 @@ impl Live {
         let begun = Instant::now();
         let revision = self.revision("?at", at)?;
         let folding = self.folding(Vec::new());
-        let begin = move || Comparison::begin(folding, revision as usize);
-        let mut comparison = self.tools.pool.place()?.run_long(begin).await??;
-        while !comparison.is_complete() && begun.elapsed() < EXPLAIN_TIME_MAX {
-            let slice = move || {
+        let work = move || {
+            let mut comparison = Comparison::begin(folding, revision as usize)?;
+            while !comparison.is_complete() && begun.elapsed() < EXPLAIN_TIME_MAX {
                 comparison.go_on()?;
-                Ok::<_, LiveError>(comparison)
-            };
-            comparison = self.tools.pool.place()?.run_long(slice).await??;
-        }
+            }
+            Ok::<_, LiveError>(comparison)
+        };
+        let comparison = self.tools.pool.place()?.run_long(work).await??;
         let Comparison { readings, whole, known, misfits, .. } = comparison;
         let explained = readings.iter().zip(misfits).map(|(ready, misfit)| history::Explained {
             number: ready.number,
@@ -178,9 +172,9 @@ impl Live {
 }
 
 impl Walk {
-    /// Works for a slice of time; true at the end.
-    fn go_on(&mut self, after: usize) -> Result<bool, LiveError> {
-        let begun = Instant::now();
+    /// Takes the next entries, until the time limit of a replay that `begun` then; true at the
+    /// end.
+    fn go_on(&mut self, after: usize, begun: Instant) -> Result<bool, LiveError> {
         if self.memory.chronicle.len() < after {
             self.folding.bring(&mut self.memory, after)?;
         }
@@ -189,7 +183,7 @@ impl Walk {
         for entry in &entries {
             let step = self.step(entry)?;
             self.steps.push(step);
-            if begun.elapsed() >= SLICE {
+            if begun.elapsed() >= REPLAY_TIME_MAX {
                 break;
             }
         }
@@ -248,25 +242,22 @@ impl Comparison {
         self.known.len() == self.readings.len()
     }
 
-    /// Works for a slice of time.
+    /// Folds the next reading.
     fn go_on(&mut self) -> Result<(), LiveError> {
-        let begun = Instant::now();
-        while !self.is_complete() && begun.elapsed() < SLICE {
-            let left_out = self.known.len();
-            let (mut belief, next) =
-                self.without.take().unwrap_or_else(|| (self.before.clone(), left_out + 1));
-            match self.readings.get(next) {
-                Some(reading) => {
-                    self.folding.add(&mut belief, reading)?;
-                    self.without = Some((belief, next + 1));
-                }
-                None => {
-                    let reading = &self.readings[left_out];
-                    let fit = || belief.fit_bits(&reading.reading, &reading.sensor.description);
-                    let fit_bits = if left_out >= self.resting { fit() } else { None };
-                    self.known.push(Without { answer: belief.answer(0), fit_bits });
-                    self.folding.add(&mut self.before, reading)?;
-                }
+        let left_out = self.known.len();
+        let (mut belief, next) =
+            self.without.take().unwrap_or_else(|| (self.before.clone(), left_out + 1));
+        match self.readings.get(next) {
+            Some(reading) => {
+                self.folding.add(&mut belief, reading)?;
+                self.without = Some((belief, next + 1));
+            }
+            None => {
+                let reading = &self.readings[left_out];
+                let fit = || belief.fit_bits(&reading.reading, &reading.sensor.description);
+                let fit_bits = if left_out >= self.resting { fit() } else { None };
+                self.known.push(Without { answer: belief.answer(0), fit_bits });
+                self.folding.add(&mut self.before, reading)?;
             }
         }
         Ok(())

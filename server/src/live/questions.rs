@@ -17,7 +17,7 @@ use super::{Live, LiveError, POSES, answer};
 use crate::asker::Asker;
 use crate::cause::Cause;
 use crate::clock::now_ms;
-use crate::compute::{Place, Urgency};
+use crate::compute::{ComputeError, Place, Size, Urgency};
 use crate::wire::belief::knows_symmetry;
 use crate::wire::life::ReportedTruth;
 use crate::wire::next_touch::{Question, next_touches};
@@ -68,13 +68,18 @@ impl Live {
         }
         let length = status.length;
         let place = self.tools.pool.place()?;
-        let asker = Asker::current();
-        let ask = move |fold: &Fold| {
-            let mut is_late = || begun.elapsed() >= question.deadline || asker.is_gone();
-            (fold.belief.next_touches(&question, &mut is_late), question)
-        };
         let (folding, place) = (self.folding(Vec::new()), (place, Urgency::Question));
-        let (ranking, question) = self.ask(&mut state, folding, place, length, ask).await?;
+        let belief =
+            self.ask(&mut state, folding, place, length, |fold: &Fold| fold.belief.clone()).await?;
+        // The session's readings do not wait for the answer.
+        drop(state);
+        let place = self.tools.pool.place_in_time().await.map_err(|_| ComputeError::Stopped)?;
+        let asker = Asker::current();
+        let rank = move || {
+            let mut is_late = || begun.elapsed() >= question.deadline || asker.is_gone();
+            (belief.next_touches(&question, &mut is_late), question)
+        };
+        let (ranking, question) = place.run_as((Urgency::Question, Size::Large), rank).await?;
         let ranking = ranking.ok_or(LiveError::NoTouch { session })?;
         Ok(next_touches(session, length, &ranking, &question))
     }

@@ -20,7 +20,7 @@ use uuid::Uuid;
 use crate::asker::Asker;
 use crate::cause::Cause;
 use crate::clock::now_ms;
-use crate::compute::Pool;
+use crate::compute::{Pool, Size, Urgency};
 use crate::config::Config;
 use crate::services::keys::Keys;
 use crate::services::sensors::Sensors;
@@ -188,13 +188,15 @@ impl Objects {
             thumbnails.make(upload, &read.mesh);
             Ok::<_, MeshError>(read)
         };
-        let read = self.pool.place()?.run_long(read).await?.map_err(|error| {
-            let field = match error {
-                MeshError::UnitMissing { .. } | MeshError::UnitContradicts { .. } => "?unit",
-                _ => "",
-            };
-            Cause::field(field, error)
-        })?;
+        let read = self.pool.place()?.run_as((Urgency::Long, Size::Heavy), read).await?.map_err(
+            |error| {
+                let field = match error {
+                    MeshError::UnitMissing { .. } | MeshError::UnitContradicts { .. } => "?unit",
+                    _ => "",
+                };
+                Cause::field(field, error)
+            },
+        )?;
         let (format, unit) = (stored_format(format), stored_unit(read.unit));
         let info = MeshInfo::new(upload, format, unit, &file, now_ms());
         let before = self.store.meshes().info(object.id)?;
@@ -234,7 +236,7 @@ impl Objects {
             })?;
             Ok(Some((info.upload, thumbnails.make(info.upload, &mesh))))
         };
-        let found = self.pool.place()?.run_long(find).await??;
+        let found = self.pool.place()?.run_as((Urgency::Long, Size::Heavy), find).await??;
         let (upload, png) = found.ok_or_else(|| Cause::unknown("mesh of object", reference))?;
         Ok((format!("\"{upload}\""), png))
     }

@@ -286,12 +286,14 @@ async fn a_reading_does_not_wait_for_a_webhook() {
     let slow = Receiver::start_at("127.0.0.1:0".parse().unwrap(), Duration::from_secs(60)).await;
     slow.subscribe(&it, &["session.decided", "session.needs_attention"]).await;
     let session = it.session(json!({"risk": 0.2})).await;
+    let before = Instant::now();
     touch(&it, &session, BAR, 12, 5).await;
     let path = format!("/v1/sessions/{session}/readings");
+    let twelve = before.elapsed();
     let begun = Instant::now();
     it.post(&path, &json!({"readings": [quiet_reading()]})).await.expect(200);
-    // An attempt takes ten.
-    assert!(begun.elapsed() < Duration::from_secs(10));
+    // An attempt takes ten seconds. On a slow machine a reading takes less than twelve before it.
+    assert!(begun.elapsed() < twelve.max(Duration::from_secs(10)));
 }
 
 #[tokio::test(flavor = "multi_thread")]

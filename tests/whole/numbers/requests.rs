@@ -25,8 +25,8 @@ pub(crate) struct Base {
     pub(crate) body: Option<Value>,
 }
 
-/// Maximum time of a training of the set-up.
-const SET_UP: Duration = Duration::from_secs(120);
+/// Maximum time of a training of the set-up; it only ends a test that hangs.
+const SET_UP: Duration = Duration::from_secs(1800);
 
 /// Creates the subjects of the requests: two catalogues with a version each, and a sensor.
 pub(crate) async fn set_up(asked: &Asked) {
@@ -111,7 +111,8 @@ pub(crate) fn with_number(
     filled(&path, placeholders).remove(0)
 }
 
-fn filled(path: &str, placeholders: &[(String, Vec<String>)]) -> Vec<String> {
+/// A path with its names filled in, in every way.
+pub(crate) fn filled(path: &str, placeholders: &[(String, Vec<String>)]) -> Vec<String> {
     // The objects of the trained versions stay unchanged.
     let path = path.replace("/v1/objects/{object}", "/v1/objects/spare");
     let mut paths = vec![path.clone()];
@@ -308,7 +309,7 @@ fn wire(sensor: &str, reading: &Reading) -> Value {
 }
 
 /// Touches of an example object.
-fn touches(name: &str, n: usize) -> Vec<Value> {
+pub(crate) fn touches(name: &str, n: usize) -> Vec<Value> {
     let mesh = shapes::example(name).unwrap();
     let simulator = PressSimulator::new(mesh, SensorDescription::digitacts_6x6());
     let config = SamplerConfig::for_simulator(&simulator);
@@ -340,7 +341,7 @@ fn calibration() -> Value {
 }
 
 /// Touches of the hammer, whose pose is stated.
-fn commissioning() -> Value {
+pub(crate) fn commissioning() -> Value {
     let of = |touch: &Value| json!({"image": touch["image"], "pose": touch["pose"]});
     let readings: Vec<Value> = touches("hammer", 8).iter().map(of).collect();
     json!({"object": "hammer", "seed": 1, "readings": readings, "session_from_object":
