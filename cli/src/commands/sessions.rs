@@ -166,15 +166,7 @@ pub(crate) async fn run(args: SessionsArgs, context: &Context) -> anyhow::Result
             let object = object.filter(|_| !is_none);
             let told = CloseSession { object, none_of_these: is_none.then_some(true), pose: None };
             let session = client.close_session_with(session.id(client).await?, &told).await?;
-            output.answer(&session, |session| {
-                let closed = table(std::slice::from_ref(session));
-                session.truth.as_ref().map_or(closed.clone(), |truth| {
-                    let was = truth.name.as_deref().unwrap_or(NONE_OF_THESE);
-                    let right = if truth.was_right { "right" } else { "wrong" };
-                    let percent = truth.probability * 100.0;
-                    format!("{closed}\n\nit was {was}: {right}, with {percent:.1} %")
-                })
-            })
+            output.answer(&session, closed_words)
         }
         Action::Show { session, poses } => {
             let session = session.id(client).await?;
@@ -252,6 +244,15 @@ async fn watch(session: uuid::Uuid, context: &Context) -> anyhow::Result<()> {
             return Ok(());
         }
     }
+}
+
+/// A closed session, and whether its answer was right.
+fn closed_words(session: &Session) -> String {
+    let closed = table(std::slice::from_ref(session));
+    let Some(truth) = &session.truth else { return closed };
+    let was = truth.name.as_deref().unwrap_or(NONE_OF_THESE);
+    let right = if truth.was_right { "right" } else { "wrong" };
+    format!("{closed}\n\nit was {was}: {right}, with {:.1} %", truth.probability * 100.0)
 }
 
 fn one_line(belief: &Belief) -> String {
