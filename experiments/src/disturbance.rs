@@ -37,6 +37,11 @@ pub enum Disturbance {
         /// Whether each reading states the deviations of its base.
         is_told: bool,
     },
+    /// Every place is touched twice: the reading comes again from beside its place.
+    Doubled {
+        /// Distance along the surface, metres, in a random direction.
+        distance: f64,
+    },
     /// The object moves once.
     Jolt {
         /// Maximum of the motion.
@@ -99,6 +104,14 @@ impl Disturbance {
                     let stated = felt.session_from_sensor();
                     let off = stated * Pose::from_parts(DQuat::IDENTITY, tool);
                     felt.moved_by(off * stated.inverse())
+                }
+                Self::Doubled { distance } => {
+                    let around = stream.uniform(0.0, std::f64::consts::TAU);
+                    let along = DQuat::from_rotation_z(around) * DVec3::X * *distance;
+                    let off = felt.session_from_sensor().turn(along);
+                    let reading = felt.moved_by(Pose::from_parts(DQuat::IDENTITY, off));
+                    presented.push(Presented { reading, session_from_object: place, moved: None });
+                    felt
                 }
                 Self::None | Self::Moving(_) | Self::Jolt { .. } => felt,
             };

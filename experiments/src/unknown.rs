@@ -23,6 +23,7 @@ use clap::Args;
 use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::symmetry::Symmetry;
+use palpate_core::units::MM;
 use palpate_dissertation::sva::SvaOptions;
 use palpate_dissertation::sva::train::TrainingConfig;
 use palpate_recogniser::options::SurfaceOptions;
@@ -33,6 +34,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::arguments::{ObjectSet, count, share};
+use crate::disturbance::Disturbance;
 use crate::object_sessions::{Recogniser, Sessions};
 use crate::objects::{self, TestObject};
 use crate::report::{Outcome, Progress, Report};
@@ -88,10 +90,20 @@ pub struct Unknown {
     /// take seconds each.
     #[arg(long, default_value_t = 12)]
     pub finer: usize,
+    /// Distance (mm) at which every touch comes twice when the sessions are played once more; 0 for
+    /// not at all.
+    #[arg(long, default_value_t = 0.0)]
+    #[serde(skip_serializing_if = "is_zero")]
+    pub doubled_mm: f64,
     /// The sensor.
     #[arg(skip = SensorDescription::digitacts_6x6())]
     #[serde(skip)]
     pub sensor: SensorDescription,
+}
+
+/// Left out of a record that does not ask for it.
+fn is_zero(distance: &f64) -> bool {
+    *distance <= 0.0
 }
 
 /// One session's answers, touch by touch.
@@ -148,6 +160,22 @@ impl Touched {
     }
 }
 
+/// What doubling every touch of a session adds to the probability of the truth and of "none of
+/// these", touch by touch; the truth is an object of the catalogue or none of them.
+struct Doubled {
+    is_known: bool,
+    gains: Vec<[f64; 2]>,
+}
+
+fn doubled_once(one: &Verdict, two: &Verdict) -> Doubled {
+    let twice = two.probabilities.iter().skip(1).step_by(2);
+    let gain = |(once, twice): (&Vec<f64>, &Vec<f64>)| {
+        [one.truth, one.known.len()].map(|index| twice[index] - once[index])
+    };
+    let gains = one.probabilities.iter().zip(twice).map(gain).collect();
+    Doubled { is_known: one.is_known, gains }
+}
+
 /// Runs the experiment; gives the report and its plot.
 ///
 /// # Errors
@@ -163,7 +191,7 @@ pub fn run(config: &Unknown, progress: Progress<'_>) -> anyhow::Result<Outcome> 
     );
     let symmetries = objects::symmetries(&touched.objects);
     let (mut verdicts, mut untold) = (Vec::new(), Vec::new());
-    let (mut literal, mut lost) = (Vec::new(), Vec::new());
+    let (mut literal, mut lost, mut doubled) = (Vec::new(), Vec::new(), Vec::new());
     for fold in 0..config.folds {
         progress("folds", fold, config.folds);
         let known: Arc<[usize]> = (0..n).filter(|at| at % config.folds != fold).collect();
@@ -176,7 +204,10 @@ pub fn run(config: &Unknown, progress: Progress<'_>) -> anyhow::Result<Outcome> 
         let options = SurfaceOptions { unknown: config.prior, ..SurfaceOptions::default() };
         let surface = Recogniser::Surface { model: model.clone(), options };
         let n_sessions = share(config.sessions);
-        let played = play(config, &touched, &known, &surface, fold, n_sessions)?;
+        let play = |recogniser: &Recogniser, n, disturbance| {
+            play(config, &touched, &known, (recogniser, disturbance), fold, n)
+        };
+        let played = play(&surface, n_sessions, Disturbance::None)?;
         if config.oracle > 0 {
             progress("the causes of wrong sessions", fold, config.folds);
             let examined = Examined { config, touched: &touched, model: &model, options };
@@ -185,14 +216,20 @@ pub fn run(config: &Unknown, progress: Progress<'_>) -> anyhow::Result<Outcome> 
         }
         verdicts.extend(played);
         let surface = Recogniser::Surface { model, options: SurfaceOptions::default() };
-        let default_prior = play(config, &touched, &known, &surface, fold, n_sessions)?;
+        let default_prior = play(&surface, n_sessions, Disturbance::None)?;
+        if config.doubled_mm > 0.0 {
+            let distance = config.doubled_mm * MM;
+            let again = play(&surface, n_sessions, Disturbance::Doubled { distance })?;
+            doubled
+                .extend(default_prior.iter().zip(again).map(|(one, two)| doubled_once(one, &two)));
+        }
         let untold_prior = Some(SurfaceOptions::default().unknown);
         untold.extend(default_prior.into_iter().map(|v| Verdict { untold_prior, ..v }));
         if fold == 0 && config.literal_sessions > 0 {
             progress("the printed method", fold, config.folds);
             let (training, options) = (TrainingConfig::literal(), SvaOptions::literal());
             let sva = train_sva(&train, &config.sensor, &training, options, config.seed)?;
-            literal = play(config, &touched, &known, &sva, fold, config.literal_sessions)?;
+            literal = play(&sva, config.literal_sessions, Disturbance::None)?;
         }
     }
     if config.oracle > 0 {
@@ -206,6 +243,7 @@ pub fn run(config: &Unknown, progress: Progress<'_>) -> anyhow::Result<Outcome> 
     for (kind, verdicts) in played.iter().filter(|(_, verdicts)| !verdicts.is_empty()) {
         tables::report_sessions(&mut report, config, *kind, verdicts);
     }
+    tables::report_doubled(&mut report, &doubled);
     tables::report_confused(&mut report, config, &touched.objects, &verdicts);
     let panels = tables::panels(&mut report, config, &verdicts, &literal);
     Ok(Outcome { report, plot: svg(&panels), pictures: Vec::new() })
@@ -241,7 +279,7 @@ fn play(
     config: &Unknown,
     touched: &Touched,
     known: &Arc<[usize]>,
-    recogniser: &Recogniser,
+    (recogniser, disturbance): (&Recogniser, Disturbance),
     fold: usize,
     n: usize,
 ) -> anyhow::Result<Vec<Verdict>> {
@@ -256,7 +294,7 @@ fn play(
         Some(at) => of(known, at),
     });
     let symmetries = vec![Symmetry::NONE; n_objects];
-    let sessions = touched.sessions(config, &symmetries);
+    let sessions = Sessions { disturbance, ..touched.sessions(config, &symmetries) };
     let one = |(object, trial): (usize, usize)| {
         let probabilities = sessions.probabilities(recogniser, object, trial)?;
         let place = known.iter().position(|at| *at == object);
@@ -285,6 +323,7 @@ mod tests {
             readings: 6,
             oracle: 6,
             finer: 2,
+            doubled_mm: 0.3,
             ..defaults()
         };
         let outcome = run(&config, &|_, _, _| ()).unwrap();
@@ -294,6 +333,7 @@ mod tests {
         assert!((0.0..0.35).contains(&summary["expected_calibration_error"]), "{summary:?}");
         assert!((summary["sessions"] - 40.0).abs() < 1e-9);
         assert!(summary["never_stopped_at_risk_0_1"] <= summary["never_stopped_at_risk_0_001"]);
+        assert!(summary["doubled_known_gain_at_6"] > -0.02, "{summary:?}");
         for key in [
             "literal_auroc_at_6",
             "wrong_stops_high_at_risk_0_05",

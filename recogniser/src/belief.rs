@@ -17,6 +17,7 @@ mod motion;
 mod object;
 mod pair_weight;
 pub mod parts;
+mod places;
 mod positions;
 mod posterior;
 mod predictive;

@@ -196,7 +196,7 @@ pub fn rank(
         }
     };
     let hand = Hand { half_width: options.half_width as f32, recenters: options.recenters };
-    let scatter = scatter(n_touches);
+    let scatter = scatter(belief.posed() as f32);
     let known = samples.iter().map(|sample| (sample.object, sample.probability as f32));
     let shares = Shares::new(known, unknown as f32);
     let likeness = |approach: &Approach| {
@@ -276,9 +276,11 @@ fn look_ahead(ranked: &mut [Ranked], later_worths: &[f64]) {
     firsts.sort_by(|a, b| both(b).total_cmp(&both(a)));
 }
 
-/// Scatter of outcomes.
-fn scatter(n_touches: usize) -> Scatter {
-    let (position, normal) = if n_touches < 2 { SCATTER_OF_ONE } else { SCATTER_OF_POSES };
+/// Scatter of outcomes where poses explain the touches with probability `posed`.
+fn scatter(posed: f32) -> Scatter {
+    let mean = |one: f32, poses: f32| (1.0 - posed) * one + posed * poses;
+    let (one, poses) = (SCATTER_OF_ONE, SCATTER_OF_POSES);
+    let (position, normal) = (mean(one.0, poses.0), mean(one.1, poses.1));
     Scatter { position, normal, appearance: SCATTER_OF_APPEARANCE }
 }
 

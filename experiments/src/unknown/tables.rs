@@ -6,12 +6,13 @@ use palpate_recogniser::model::SurfaceModel;
 use palpate_sim::plot::{Line, Panel};
 use serde::Serialize;
 
-use super::{Kind, Unknown, Verdict};
+use super::{Doubled, Kind, Unknown, Verdict};
 use crate::objects::TestObject;
 use crate::report::Report;
 use crate::stated::{
     Stated, auroc, crossings, expected_calibration_error, reliability, stops, wilson,
 };
+use crate::statistics::{mean, standard_error_over_groups};
 
 /// Bins of the calibration error.
 const N_BINS: usize = 15;
@@ -65,6 +66,28 @@ pub(super) fn report_sessions(
         }
     }
     report_stops(report, config, kind, verdicts);
+}
+
+/// States what doubling every touch adds to the probabilities, on the mean over sessions with known
+/// and with unknown objects.
+pub(super) fn report_doubled(report: &mut Report, doubled: &[Doubled]) {
+    for (kind, is_known) in [("known", true), ("unknown", false)] {
+        let of: Vec<&Doubled> = doubled.iter().filter(|one| one.is_known == is_known).collect();
+        let n = of.first().map_or(0, |one| one.gains.len());
+        for readings in std::iter::once(1).chain(STATED_AT).filter(|readings| *readings <= n) {
+            let gains = |which: usize| -> Vec<f64> {
+                of.iter().map(|one| one.gains[readings - 1][which]).collect()
+            };
+            let (truth, none) = (gains(0), gains(1));
+            let name = |figure: &str| format!("doubled_{kind}_{figure}_at_{readings}");
+            report.summarise(&name("gain"), mean(&truth));
+            report.summarise(
+                &name("gain_error"),
+                standard_error_over_groups((0..).zip(truth.iter().copied())),
+            );
+            report.summarise(&name("none_of_these_gain"), mean(&none));
+        }
+    }
 }
 
 fn stated_after(verdicts: &[Verdict], readings: usize) -> Vec<Stated> {

@@ -41,6 +41,8 @@ pub(super) struct Weighed<'a> {
     pub(super) touches: &'a [Observation],
     pub(super) objects: &'a [ObjectBelief],
     pub(super) joint: &'a [f64],
+    /// Probability that its poses explain the touches.
+    pub(super) posed: f64,
 }
 
 /// The answer with at most `n_modes` poses, without the number of readings. `posterior` has the
@@ -59,7 +61,8 @@ pub(super) fn answer(
     for (component, of) in components.iter().enumerate() {
         for (object, belief) in of.objects.iter().enumerate() {
             let (place, symmetry) = ([component, object], model.symmetry(object));
-            poses.extend(shares(place, of.joint[object], &belief.hypotheses, symmetry, n_modes));
+            let probability = of.posed * of.joint[object];
+            poses.extend(shares(place, probability, &belief.hypotheses, symmetry, n_modes));
         }
     }
     let mut poses = distinct(poses, |object| model.symmetry(object), n_modes, options);

@@ -12,6 +12,7 @@ use thiserror::Error;
 use super::common::Prior;
 use super::motion::AMPLITUDES;
 use super::object::{ObjectBelief, is_impossible};
+use super::places::Places;
 use super::stage::Stage;
 use crate::observe::inverse_pose::InversePose;
 use crate::propose::proposals::PairEvidence;
@@ -31,7 +32,7 @@ pub(super) struct Checkpoint {
     pub(super) stage: Stage,
     pub(super) prior: Prior,
     /// The objects of each component, rest first.
-    pub(super) components: Vec<Vec<ObjectBelief>>,
+    pub(super) components: Vec<(Vec<ObjectBelief>, Places)>,
 }
 
 impl From<TryGetError> for NotCheckpoint {
@@ -51,7 +52,10 @@ impl Checkpoint {
         }
         to.put_f64_le(self.prior.unknown);
         self.prior.log_objects.iter().for_each(|log| to.put_f64_le(*log));
-        self.components.iter().flatten().for_each(|object| put_object(&mut to, object));
+        for (objects, places) in &self.components {
+            objects.iter().for_each(|object| put_object(&mut to, object));
+            put_places(&mut to, places);
+        }
         to
     }
 
@@ -72,7 +76,8 @@ impl Checkpoint {
         let mut components = Vec::new();
         for _ in 0..=n_drifting {
             let objects = log_objects.iter().map(|log| object(&mut from, is_impossible(*log)));
-            components.push(objects.collect::<Result<Vec<ObjectBelief>, _>>()?);
+            let objects = objects.collect::<Result<Vec<ObjectBelief>, _>>()?;
+            components.push((objects, places(&mut from)?));
         }
         let prior = Prior { log_objects, unknown };
         from.is_empty()
@@ -104,6 +109,31 @@ fn put_object(to: &mut Vec<u8>, object: &ObjectBelief) {
         put_floats(to, &hypothesis.tool.to_array());
         to.put_f32_le(hypothesis.score);
     }
+}
+
+fn put_places(to: &mut Vec<u8>, places: &Places) {
+    let Places { one, two, paired, first: (stage, first), pair } = places;
+    [one, two, paired].into_iter().for_each(|share| to.put_f64_le(*share));
+    to.put_u32_le(stage.number() as u32);
+    for logs in [first, pair] {
+        to.put_u32_le(logs.len() as u32);
+        logs.iter().for_each(|log| to.put_f64_le(*log));
+    }
+}
+
+fn places(from: &mut &[u8]) -> Result<Places, NotCheckpoint> {
+    let (one, two, paired) =
+        (from.try_get_f64_le()?, from.try_get_f64_le()?, from.try_get_f64_le()?);
+    let stage = Stage::from_number(count(from)?).ok_or(NotCheckpoint)?;
+    let mut logs = || {
+        let n = count(from)?;
+        if n > from.len() / size_of::<f64>() {
+            return Err(NotCheckpoint);
+        }
+        Ok((0..n).map(|_| from.try_get_f64_le()).collect::<Result<Vec<f64>, _>>()?)
+    };
+    let (first, pair) = (logs()?, logs()?);
+    Ok(Places { one, two, paired, first: (stage, first), pair })
 }
 
 fn count(from: &mut &[u8]) -> Result<usize, NotCheckpoint> {

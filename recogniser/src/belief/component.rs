@@ -10,7 +10,7 @@ use palpate_core::reading::Looseness;
 use super::common::Common;
 use super::motion::Motion;
 use super::object::{ObjectBelief, n_searched, searched};
-use super::pair_weight::{density_anywhere, pair_evidence, usual_density};
+use super::places::{NEGLIGIBLE, Places};
 use super::positions;
 use super::posterior::{Explained, n_weighed, posterior};
 use super::retrieval::{n_candidates, retrieval_bar, retrieve};
@@ -57,6 +57,7 @@ pub(super) struct Observed {
 pub(super) struct Component {
     motion: Motion,
     stage: Stage,
+    places: Places,
     touches: Vec<Observation>,
     /// Spaces of all presses.
     spaces: Vec<PressSpace>,
@@ -70,7 +71,8 @@ impl Component {
     pub(super) fn new(motion: Motion, common: &Common) -> Self {
         let (touches, spaces) = (Vec::new(), Vec::new());
         let (objects, stated) = (common.objects(), None);
-        Self { motion, stage: Stage::Prior, touches, spaces, objects, stated }
+        let (stage, places) = (Stage::Prior, Places::default());
+        Self { motion, stage, places, touches, spaces, objects, stated }
     }
 
     /// Adds a reading. A component that `leads` searches in full, the others with a small budget.
@@ -80,9 +82,11 @@ impl Component {
             self.verify_miss(common);
             return;
         }
-        match self.touches.len() {
+        let n = self.touches.len();
+        match n {
             1 => {
                 self.weigh_appearance(common);
+                self.places = Places::first(self.stage, &self.objects);
                 self.follow(common);
                 self.propose_stated(common);
             }
@@ -90,13 +94,17 @@ impl Component {
                 self.follow(common);
                 self.propose_by_first_pair(common);
                 self.propose_stated(common);
-                self.weigh_pair(common);
+                self.weigh_first_pair(common);
             }
             _ => {
                 self.verify(common);
-                self.propose_in_doubt(common, leads);
-                self.refine(common);
-                self.weigh(common);
+                self.weigh_another_pair(common);
+                // A place that was felt before proposes nothing new.
+                if f64::from(self.touches[n - 1].novelty) >= NEGLIGIBLE {
+                    self.propose_in_doubt(common, leads);
+                    self.refine(common);
+                    self.weigh(common);
+                }
             }
         }
         self.bound(common);
@@ -166,37 +174,6 @@ impl Component {
         self.work(common, &Work::ScoreAnew { settles: true });
     }
 
-    /// The first pair proposes poses of all objects, or of the candidates.
-    fn propose_by_first_pair(&mut self, common: &Common) {
-        let shares = self.retrieve(common, &[0]);
-        let n = shares.as_ref().map(|_| {
-            let budget = &common.options.budget;
-            budget.n_listed(n_searched(&self.objects)).min(budget.many.listed_for_pair)
-        });
-        let asked = in_turn(&[0], shares.as_deref(), 2, &common.options);
-        let least = n.map(|n| retrieval_bar(&self.objects, n));
-        let scope = Scope::of_first_pair(&self.objects, least, &common.options);
-        self.work(common, &Work::Propose { partners: asked, scope });
-    }
-
-    /// The evidence of two touches: the density of stored pairs like theirs, which is more
-    /// informative than any pose. Equation R17 of docs/recogniser.md, k = 2.
-    fn weigh_pair(&mut self, common: &Common) {
-        // Two touches at one place are no pair: the evidence of the first one stays.
-        if self.objects.iter().all(|object| object.pair.appearance <= 0.0) {
-            return;
-        }
-        self.stage = Stage::Pair;
-        let usual = usual_density(&self.objects);
-        for object in searched(&mut self.objects) {
-            object.log_evidence = pair_evidence(&object.pair, usual);
-        }
-        if let [first, second] = &self.touches[..] {
-            let anywhere = density_anywhere([first, second], &common.options);
-            self.weigh_stated_pair(common, (f64::from(usual) / anywhere).max(1.0));
-        }
-    }
-
     /// Scores every hypothesis by the newest touch or, if the object drifts, by all touches,
     /// since the weight of each then changes with every touch.
     fn verify(&mut self, common: &Common) {
@@ -216,7 +193,7 @@ impl Component {
     /// Proposes poses unless one is certain and explains the touches well: of all objects in
     /// doubt or, if another component leads, of the likeliest few.
     fn propose_in_doubt(&mut self, common: &Common, leads: bool) {
-        let (n, options) = (self.touches.len(), &common.options);
+        let (n, options) = (self.explained().n_places(), &common.options);
         let probabilities = posterior(common, &self.explained());
         let share = self.share_of_best_pose(common, &probabilities);
         // An object may be left behind for a better one, but not for one that is itself rejected.
@@ -330,12 +307,12 @@ impl Component {
                 && look_alike(best, other, symmetry, options)
         });
         let share = |h: &Hypothesis| (f64::from(h.score) - belief.log_evidence).exp();
-        p * alike.map(share).sum::<f64>()
+        self.places.several() * p * alike.map(share).sum::<f64>()
     }
 
     /// Restores the conclusions of a checkpoint from the same observations.
-    pub(super) fn conclude(&mut self, stage: Stage, objects: Vec<ObjectBelief>) {
-        (self.stage, self.objects) = (stage, objects);
+    pub(super) fn conclude(&mut self, stage: Stage, objects: Vec<ObjectBelief>, places: Places) {
+        (self.stage, self.objects, self.places) = (stage, objects, places);
         self.restate();
     }
 
@@ -352,14 +329,23 @@ impl Component {
 
     /// The inputs of the posterior.
     pub(super) fn explained(&self) -> Explained<'_> {
-        let Self { motion, stage, touches, objects, .. } = self;
+        let Self { motion, stage, places, touches, objects, .. } = self;
+        let (stage, motion) = (*stage, *motion);
         let stated = self.stated.as_ref().map(|stated| &*stated.now);
-        Explained { stage: *stage, motion: *motion, touches, objects, stated }
+        Explained { stage, places, motion, touches, objects, stated }
     }
 
     /// Spaces of all presses.
     pub(super) fn spaces(&self) -> &[PressSpace] {
         &self.spaces
+    }
+
+    /// Probability that its poses explain the touches: before two places are felt, only those that
+    /// a statement or a move gave.
+    pub(super) fn posed(&self) -> f64 {
+        let is_given = |object: &ObjectBelief| !object.motion_prior.poses.is_empty();
+        let is_given = self.stated.is_some() || self.objects.iter().any(is_given);
+        if is_given { 1.0 } else { self.places.several() }
     }
 
     /// Heap bytes of its lists.
@@ -369,10 +355,12 @@ impl Component {
             + self.spaces.iter().map(PressSpace::bytes).sum::<usize>()
             + self.objects.capacity() * size_of::<ObjectBelief>()
             + self.objects.iter().map(ObjectBelief::bytes).sum::<usize>()
+            + self.places.bytes()
     }
 }
 
 mod moving;
+mod pairing;
 mod stating;
 #[cfg(test)]
 mod tests;

@@ -21,6 +21,9 @@ const STEPS: [f64; 3] = [0.5, 4.0, 2.0];
 const STEP_MIN: f64 = 1e-3;
 const PASSES_MAX: usize = 200;
 
+/// Share in the belief from which a kind of evidence is a sample of its stage.
+const DECIDES: f64 = 0.5;
+
 /// Evidence of a trial's touches for one object.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Evidence {
@@ -54,23 +57,29 @@ pub(super) fn sample(
     negligible: f64,
 ) -> Option<Sample> {
     let (common, rest) = belief.at_rest();
-    let stage = rest.stage.calibrated()?;
+    let kind = rest.kinds().into_iter().find(|kind| kind.share > DECIDES)?;
+    let stage = kind.stage.calibrated()?;
     let counted = counted(common, &rest);
     let evidence = |o: usize| Evidence {
-        log: rest.objects[o].log_evidence,
+        log: kind.logs[o],
         log_prior: common.prior.log_objects[o],
         self_match: common.self_match(o, Says::All),
         lost: common.lost(o, counted.lacking),
     };
-    let likely = likeliest(rest.objects, object, negligible);
+    let likely = likeliest(&kind.logs, rest.objects, object, negligible);
     let own = object.filter(|_| is_known).map(evidence);
     let others = likely.into_iter().map(evidence).collect();
     Some(Sample { stage, counted, own, others })
 }
 
 /// All objects but `own`, likeliest first, without those of negligible evidence.
-fn likeliest(objects: &[ObjectBelief], own: Option<usize>, negligible: f64) -> Vec<usize> {
-    let log = |o: usize| objects[o].log_evidence;
+fn likeliest(
+    logs: &[f64],
+    objects: &[ObjectBelief],
+    own: Option<usize>,
+    negligible: f64,
+) -> Vec<usize> {
+    let log = |o: usize| logs[o];
     let is_other = |o: &usize| Some(*o) != own && !objects[*o].is_ruled_out;
     let mut likely: Vec<usize> = (0..objects.len()).filter(is_other).collect();
     likely.sort_by(|a, b| log(*b).total_cmp(&log(*a)).then(a.cmp(b)));

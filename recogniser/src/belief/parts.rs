@@ -27,7 +27,7 @@ use crate::verify::null_model::self_match;
 use crate::verify::stated_prior::StatedPrior;
 
 /// First byte of requests and replies: the version of both, and of the mathematics between them.
-const VERSION: u8 = 2;
+const VERSION: u8 = 3;
 
 /// The kind of a request, its second byte.
 const OUTLINES: u8 = 0;

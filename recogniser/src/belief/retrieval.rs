@@ -39,7 +39,7 @@ pub(super) fn retrieve(
         let Some(gains) = gains(&estimates, options.retrieval_floor) else { continue };
         for ((object, estimate), gain) in objects.iter_mut().zip(&estimates).zip(gains) {
             let (Some(estimate), Some(gain)) = (estimate, gain) else { continue };
-            object.retrieval_score += gain;
+            object.retrieval_score += f64::from(newest.novelty) * gain;
             if object.pair.appearance <= 0.0 {
                 object.pair = *estimate;
             }

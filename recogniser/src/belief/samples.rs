@@ -1,7 +1,7 @@
 //! Posterior samples: objects in poses with probabilities, for the choice of the next touch.
 //!
-//! From the second touch on these are the hypotheses. After the first touch there is no pose
-//! yet; poses are drawn that lay a patch of similar appearance onto the touch.
+//! From two places on these are the hypotheses. After touches of one place there is no pose
+//! yet; poses are drawn that lay a patch of similar appearance onto the first touch.
 
 use glam::{DQuat, DVec3};
 use palpate_core::log_prob::normalize;
@@ -15,7 +15,7 @@ use crate::model::SurfaceMap;
 use crate::observe::observation::{Observation, Says};
 use crate::observe::stretch::stretch_ratio;
 
-/// Probability below which an object gets no pose.
+/// Probability below which an object, or all poses of a kind, get no sample.
 const PROBABILITY_MIN: f64 = 1e-3;
 
 /// Minimum number of poses of an object that gets any, if it has this many.
@@ -48,6 +48,8 @@ pub(super) struct Posed<'a> {
     pub(super) anchor: DVec3,
     pub(super) touches: &'a [Observation],
     pub(super) objects: &'a [ObjectBelief],
+    /// Probability that its poses explain the touches.
+    pub(super) posed: f64,
 }
 
 /// About `n` poses of the likeliest objects; none before the first touch. `posterior` has the
@@ -67,16 +69,25 @@ pub(super) fn samples(
     let probable = probable_objects(posterior);
     let hypotheses_of = |object: ObjectIdx| &posed.objects[object.0 as usize].hypotheses;
     let have_poses = probable.iter().any(|(object, _)| !hypotheses_of(*object).is_empty());
-    let laid = probable.iter().filter(|_| !have_poses).map(|(object, _)| object.0 as usize);
+    let posed_share = match posed.posed {
+        share if !have_poses || share < PROBABILITY_MIN => 0.0,
+        share if share > 1.0 - PROBABILITY_MIN => 1.0,
+        share => share,
+    };
+    let is_laid = posed_share < 1.0;
+    let laid = probable.iter().filter(|_| is_laid).map(|(object, _)| object.0 as usize);
     let maps = common.model.maps_of(&laid.collect());
     for (object, share) in probable {
-        let wanted = ((n as f64 * share).round() as usize).max(POSES_MIN);
-        if !have_poses {
-            let Some(map) = maps.get(&(object.0 as usize)) else { continue };
-            let laid = Laid { object, map, share, n: wanted };
+        let wanted = |share: f64| ((n as f64 * share).round() as usize).max(POSES_MIN);
+        if is_laid && let Some(map) = maps.get(&(object.0 as usize)) {
+            let share = (1.0 - posed_share) * share;
+            let laid = Laid { object, map, share, n: wanted(share) };
             lay_onto_first_touch(common, posed, &laid, stream, &mut samples);
+        }
+        if posed_share <= 0.0 {
             continue;
         }
+        let (share, wanted) = (posed_share * share, wanted(posed_share * share));
         let hypotheses = hypotheses_of(object);
         let kept = &hypotheses[..wanted.min(hypotheses.len())];
         let logs: Vec<f64> = kept.iter().map(|h| f64::from(h.score)).collect();

@@ -1,9 +1,10 @@
 //! The stage of a belief: the kind of evidence that it rests on (equation R17).
 
 /// Kind of the evidence of the objects.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Stage {
     /// Nothing but the prior.
+    #[default]
     Prior,
     /// The appearance of one touch.
     Appearance,

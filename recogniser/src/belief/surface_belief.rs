@@ -112,6 +112,7 @@ impl SurfaceBelief {
                 return Observed { touch: None, spaces: Vec::new() };
             }
             let space = given.miss().space(self.anchor).after(n);
+            let space = space.weighed(self.rest.spaces());
             return Observed { touch: None, spaces: vec![space] };
         };
         let mut spaces = Vec::new();
@@ -121,9 +122,11 @@ impl SurfaceBelief {
                 self.state();
             }
             let misses = std::mem::take(&mut self.misses);
-            spaces.extend(misses.iter().map(|miss| miss.space(self.anchor)));
+            for miss in &misses {
+                let space = miss.space(self.anchor).weighed(&spaces);
+                spaces.push(space);
+            }
         }
-        spaces.push(given.space_of_touch(self.anchor).after(n + 1));
         let (space, scale) = (&self.common.model.space, &self.common.options.scale);
         let mut touch = Observation::new(&touch, self.anchor, space, scale).with_base(given.base());
         // A contact without an image states its own place, whatever its tool's centre is.
@@ -133,6 +136,8 @@ impl SurfaceBelief {
             touch = touch.with_own_tool();
         }
         let touch = touch.weighed(self.rest.explained().touches);
+        let space = given.space_of_touch(self.anchor).after(n + 1);
+        spaces.push(space.of_novelty(touch.novelty));
         Observed { touch: Some(touch), spaces }
     }
 
@@ -141,7 +146,7 @@ impl SurfaceBelief {
     fn doubt_rest(&mut self) {
         let rest = self.rest.explained();
         let is_at_rest = rest.motion == Motion::Rest;
-        if !is_at_rest || rest.stage != Stage::Poses || rest.touches.len() < TOUCHES_MIN {
+        if !is_at_rest || rest.stage != Stage::Poses || rest.n_places() < TOUCHES_MIN {
             return;
         }
         let is_poor = self.rest.is_poor(&self.common);
@@ -227,6 +232,11 @@ impl SurfaceBelief {
         self.rest.explained().touches.len()
     }
 
+    /// Probability that poses explain the touches: 0 until two places are felt.
+    pub(crate) fn posed(&self) -> f64 {
+        if self.n_touches() < 2 { 0.0 } else { self.leading().posed() }
+    }
+
     /// Bytes of memory without the model, which sessions share.
     #[must_use]
     pub fn bytes(&self) -> usize {
@@ -257,7 +267,8 @@ impl SurfaceBelief {
         let joint = self.joint();
         let weighed = self.components().zip(&joint).map(|(component, joint)| {
             let of = component.explained();
-            Weighed { touches: of.touches, objects: of.objects, joint }
+            let posed = component.posed();
+            Weighed { touches: of.touches, objects: of.objects, joint, posed }
         });
         let weighed: Vec<Weighed<'_>> = weighed.collect();
         let answer = answer(&self.common, self.anchor, &weighed, self.posterior(), n_modes);
@@ -272,8 +283,9 @@ impl SurfaceBelief {
     /// the share of omitted poses.
     #[must_use]
     pub fn samples(&self, n: usize, stream: &mut Stream) -> Vec<PoseSample> {
-        let of = self.leading().explained();
-        let posed = Posed { anchor: self.anchor, touches: of.touches, objects: of.objects };
+        let (of, posed) = (self.leading().explained(), self.leading().posed());
+        let (touches, objects) = (of.touches, of.objects);
+        let posed = Posed { anchor: self.anchor, touches, objects, posed };
         samples(&self.common, &posed, &self.posterior(), n, stream)
     }
 
@@ -281,13 +293,16 @@ impl SurfaceBelief {
     /// missing objects must not be kept: they would stay missing.
     #[must_use]
     pub fn checkpoint(&self) -> Vec<u8> {
-        let objects = |component: &Component| component.explained().objects.to_vec();
+        let conclusions = |component: &Component| {
+            let of = component.explained();
+            (of.objects.to_vec(), of.places.clone())
+        };
         let checkpoint = Checkpoint {
             n_readings: self.n_readings,
             n_touches: self.n_touches(),
             stage: self.rest.explained().stage,
             prior: self.common.prior.clone(),
-            components: self.components().map(objects).collect(),
+            components: self.components().map(conclusions).collect(),
         };
         checkpoint.to_bytes()
     }
@@ -332,8 +347,8 @@ impl SurfaceBelief {
         };
         self.common.prior = prior;
         let all = std::iter::once(&mut self.rest).chain(&mut self.drifting);
-        for (component, objects) in all.zip(components) {
-            component.conclude(stage, objects);
+        for (component, (objects, places)) in all.zip(components) {
+            component.conclude(stage, objects, places);
         }
         Ok(())
     }

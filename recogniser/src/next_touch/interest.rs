@@ -204,7 +204,7 @@ fn likenesses(
     let options = NextTouchOptions::default();
     let hand = Hand { half_width: options.half_width as f32, recenters: options.recenters };
     // Poses are known, as after several touches.
-    let scatter = scatter(PLACED_BY);
+    let scatter = scatter(1.0);
     let own = &maps[&(object.0 as usize)];
     let approach = approach(own, patch);
     let met = |sample: &PoseSample| -> Outcome {

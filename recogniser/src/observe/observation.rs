@@ -1,8 +1,10 @@
 //! An observation: a touch in single precision relative to the session's anchor, with its weight.
 
+use std::f64::consts::FRAC_1_SQRT_2;
 use std::ops::Range;
 
 use glam::{DVec3, Mat3, Vec3};
+use libm::erf;
 use palpate_core::reading::{Base, Looseness};
 
 use super::placement::{Placement, Variances};
@@ -15,11 +17,11 @@ use crate::model::features::Features;
 use crate::model::thinning::NORMAL_REACH;
 use crate::options::TouchScale;
 
-/// Distance (m) from which two touches are independent evidence.
-const SAME_PLACE: f32 = 0.003;
+/// Distance (m) of the shortest pair of touches that a map stores: ℓ₀ of equation R2.
+const SHORTEST: f32 = 0.004;
 
-/// Weight of a touch at the place of an earlier one.
-const REPEATED: f32 = 0.25;
+/// Deviation (m) of an observed distance: σ_ℓ of equations R2 and R9.
+const DEVIATION: f32 = 0.001;
 
 /// A touch of the session, relative to the anchor (the first touch).
 #[derive(Clone, Debug, PartialEq)]
@@ -31,11 +33,10 @@ pub(crate) struct Observation {
     /// The sensor's axes in the session frame; zero if an error of its tool centre is not shared
     /// with the other touches.
     pub(crate) session_from_sensor: Mat3,
-    /// Weight of its evidence: 1 for a new place, lower for one touched before, and lower after
-    /// motion of the object.
+    /// Weight of its evidence: its novelty, lower after motion of the object.
     pub(crate) weight: f32,
-    /// The weight before the object moved.
-    novelty: f32,
+    /// Probability that no earlier touch was at its place.
+    pub(crate) novelty: f32,
     /// Uncertainty of its place.
     pub(crate) placement: Placement,
     /// [`Placement::off_object_density`] of its placement.
@@ -227,10 +228,19 @@ impl Observation {
             };
             self.position.distance(other.position).hypot(turned)
         };
-        let nearest = earlier.iter().map(apart).fold(f32::INFINITY, f32::min);
-        self.novelty = (nearest / SAME_PLACE).clamp(REPEATED, 1.0);
+        let repeats = |other: &Self| other.novelty * (1.0 - apart_by(apart(other)));
+        self.novelty = earlier.iter().map(|other| 1.0 - repeats(other)).product();
         self.weight = self.novelty;
         self
+    }
+
+    /// Probability that the touch is far enough from another one for their pair to be a stored one:
+    /// 0 where a normal is missing. Part of equation R17a.
+    pub(crate) fn pairs_with(&self, other: &Self) -> f32 {
+        if [self.says, other.says].contains(&Says::Position) {
+            return 0.0;
+        }
+        apart_by(self.position.distance(other.position))
     }
 
     /// Appearance likelihood ratio at a patch with this feature, for finding pairs. Equation R7 of
@@ -260,6 +270,13 @@ impl Observation {
 
 mod coded;
 
+/// Probability that two touches `distance` (m) apart are of two places that a map tells apart.
+/// Equation R2 of docs/recogniser.md.
+pub(crate) fn apart_by(distance: f32) -> f32 {
+    let deviations = (distance - SHORTEST) / DEVIATION;
+    (0.5 * (1.0 + erf(f64::from(deviations) * FRAC_1_SQRT_2))) as f32
+}
+
 /// What the deviation of a contact's position costs at its own place: ln of the peak of the
 /// kernel of R4 without it over that with it. `variance` in m². Part of equation R13.
 fn point_loss(variance: f32, scale: &TouchScale) -> f32 {
@@ -284,11 +301,33 @@ mod tests {
             let moved = Touch { position: place.position + off, normal, ..place.clone() };
             seen(&moved, &Pose::IDENTITY).weighed(std::slice::from_ref(&first)).weight
         };
-        assert!((again(DVec3::ZERO, DVec3::Z) - 0.25).abs() < 1e-6, "never less than a quarter");
-        assert!((again(DVec3::X * 0.001_5, DVec3::Z) - 0.5).abs() < 1e-4, "1.5 mm of 3");
-        assert!((again(DVec3::X * 0.003, DVec3::Z) - 1.0).abs() < 1e-4);
+        assert!(again(DVec3::ZERO, DVec3::Z) < 1e-4, "nothing new");
+        // Φ(−1), Φ(0) and Φ(2): 3, 4 and 6 mm.
+        assert!((again(DVec3::X * 0.003, DVec3::Z) - 0.159).abs() < 5e-3);
+        assert!((again(DVec3::X * 0.004, DVec3::Z) - 0.5).abs() < 1e-4);
+        assert!((again(DVec3::X * 0.006, DVec3::Z) - 0.977).abs() < 5e-3);
         // Turned by a right angle: 6 mm · √2 apart.
-        assert!((again(DVec3::ZERO, DVec3::X) - 1.0).abs() < 1e-6);
+        assert!((again(DVec3::ZERO, DVec3::X) - 1.0).abs() < 1e-4);
+    }
+
+    #[test]
+    fn a_place_counts_once_however_often_it_is_pressed() {
+        let place = Touch { normal: DVec3::Z, ..places(1, 0).remove(0) };
+        let counted = |offsets: &[DVec3]| {
+            let mut touches: Vec<Observation> = Vec::new();
+            for off in offsets {
+                let position = place.position + *off;
+                let touch = seen(&Touch { position, ..place.clone() }, &Pose::IDENTITY);
+                touches.push(touch.weighed(&touches));
+            }
+            touches.iter().map(|touch| touch.weight).sum::<f32>()
+        };
+        let jitter = |n: u32| DVec3::new(f64::from(n % 5), f64::from(n % 3), 0.0) * 1e-4;
+        let often: Vec<DVec3> = (0..50).map(jitter).collect();
+        assert!((counted(&often) - 1.0).abs() < 0.01, "{}", counted(&often));
+        // A finger that creeps along in steps of 0.5 mm meets a new place about every 2.5 mm.
+        let along: Vec<DVec3> = (0..80).map(|n| DVec3::X * 5e-4 * f64::from(n)).collect();
+        assert!((12.0..20.0).contains(&counted(&along)), "{}", counted(&along));
     }
 
     #[test]

@@ -10,6 +10,7 @@ use palpate_core::reading::point_contact::PointContact;
 use palpate_core::reading::{Looseness, Reading};
 use palpate_core::sensor::SensorDescription;
 
+use super::observation::apart_by;
 use super::placement::kept;
 use crate::coding::{Coded, NotWork};
 
@@ -49,7 +50,9 @@ pub(crate) struct PressSpace {
     touches: usize,
     /// Variance (m²) of the points' place by the sensor itself: that of a contact without an image.
     own: f32,
-    /// Weight: less after motion of the object.
+    /// Probability that no earlier press was at its place.
+    novelty: f32,
+    /// Weight: its novelty, less after motion of the object.
     pub(crate) weight: f32,
 }
 
@@ -60,7 +63,7 @@ impl PressSpace {
     }
 
     fn new(free: Vec<Vec3>) -> Self {
-        Self { free, occupied: Vec::new(), touches: 0, own: 0.0, weight: 1.0 }
+        Self { free, occupied: Vec::new(), touches: 0, own: 0.0, novelty: 1.0, weight: 1.0 }
     }
 
     /// The space of a press at which the session had this many touches.
@@ -73,7 +76,25 @@ impl PressSpace {
     pub(crate) fn discount(&mut self, touches: usize, motion: &Looseness) {
         let moves = (touches - self.touches) as f32;
         let moved = moves * motion.position.powi(2) as f32;
-        self.weight = kept(moved + self.own, HALF);
+        self.weight = self.novelty * kept(moved + self.own, HALF);
+    }
+
+    /// The space of a press of this novelty.
+    pub(crate) fn of_novelty(self, novelty: f32) -> Self {
+        Self { novelty, weight: novelty * self.weight, ..self }
+    }
+
+    /// The space of a miss with its novelty beside `earlier` presses: a miss along the way of an
+    /// earlier one shows nothing new. Equation R2 of docs/recogniser.md.
+    pub(crate) fn weighed(self, earlier: &[Self]) -> Self {
+        let repeats = |other: &Self| {
+            let is_alike = other.free.len() == self.free.len() && other.occupied.is_empty();
+            let apart = self.free.iter().zip(&other.free).map(|(a, b)| a.distance(*b));
+            let apart = apart.fold(0.0, f32::max);
+            if is_alike { other.novelty * (1.0 - apart_by(apart)) } else { 0.0 }
+        };
+        let novelty = earlier.iter().map(|other| 1.0 - repeats(other)).product();
+        self.of_novelty(novelty)
     }
 
     /// The space of a contact without an image that touched: nothing is known about the sensor's
@@ -140,18 +161,18 @@ impl PressSpace {
 
 impl Coded for PressSpace {
     fn put(&self, to: &mut Vec<u8>) {
-        let Self { free, occupied, touches, own, weight } = self;
+        let Self { free, occupied, touches, own, novelty, weight } = self;
         free.put(to);
         occupied.put(to);
         touches.put(to);
-        [*own, *weight].put(to);
+        [*own, *novelty, *weight].put(to);
     }
 
     fn take(from: &mut &[u8]) -> Result<Self, NotWork> {
         let (free, occupied) = Coded::take(from)?;
         let touches = Coded::take(from)?;
-        let (own, weight) = Coded::take(from)?;
-        Ok(Self { free, occupied, touches, own, weight })
+        let [own, novelty, weight] = Coded::take(from)?;
+        Ok(Self { free, occupied, touches, own, novelty, weight })
     }
 }
 

@@ -32,7 +32,8 @@ pub(crate) fn partners(touches: &[Observation], n: usize) -> Vec<usize> {
         // A pair from two robots with inexact bases is less informative.
         let (position, _) = newest.looseness_to(touch);
         let sharp = SHARP / (SHARP + position.sqrt());
-        (distance.min(FAR) * (ALONG + fixed) * sharp, index)
+        // One of two touches of a place is partner enough.
+        (distance.min(FAR) * (ALONG + fixed) * sharp * touch.novelty, index)
     };
     // A pair without both normals says nothing.
     let has_normal = |touch: &Observation| touch.says != Says::Position;

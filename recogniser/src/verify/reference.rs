@@ -75,11 +75,6 @@ struct Placed {
 impl Placed {
     fn new(session: &Session<'_>, index: usize) -> Self {
         let touch = &session.touches[index];
-        let apart = |other: &Touch| {
-            touch.position.distance(other.position).hypot(0.006 * turned(touch, other))
-        };
-        let nearest = session.touches[..index].iter().map(apart).fold(f64::INFINITY, f64::min);
-        let novelty = (nearest / 0.003).clamp(0.25, 1.0);
         let missing = (0.53 - touch.evenness).max(0.0);
         let moves = (session.touches.len() - 1 - index) as f64;
         let drift = session.options.motion;
@@ -90,7 +85,7 @@ impl Placed {
         let x = 0.007 / position.sqrt();
         let normal = touch.point.and_then(|point| point.normal);
         Self {
-            weight: novelty / (1.0 + moved / 0.01f64.powi(2)),
+            weight: novelties(session.touches)[index] / (1.0 + moved / 0.01f64.powi(2)),
             position,
             angle: drift.map_or(0.0, |drift| moves * drift.angle.powi(2)),
             off_object: 64.0 * (-0.717 * x - 0.416 * x * x).exp(),
@@ -98,6 +93,28 @@ impl Placed {
             stretch_outliers: (0.05 + 2.25 * missing).min(0.9),
         }
     }
+}
+
+/// Probability of each touch that no earlier one was at its place. Equation R2.
+fn novelties(touches: &[Touch]) -> Vec<f64> {
+    let mut all: Vec<f64> = Vec::new();
+    for touch in touches {
+        let is_new = |(other, novelty): (&Touch, &f64)| {
+            let distance =
+                touch.position.distance(other.position).hypot(0.006 * turned(touch, other));
+            1.0 - novelty * (1.0 - normal_probability((distance - 0.004) / 0.001))
+        };
+        all.push(touches.iter().zip(&all).map(is_new).product());
+    }
+    all
+}
+
+/// Φ: probability that a normal number is below `x` deviations, by the midpoint rule.
+fn normal_probability(x: f64) -> f64 {
+    let density = |t: f64| (-0.5 * t * t).exp() / std::f64::consts::TAU.sqrt();
+    let n = 400;
+    let step = x.clamp(-8.0, 8.0) / f64::from(n);
+    0.5 + step * (0..n).map(|i| density((f64::from(i) + 0.5) * step)).sum::<f64>()
 }
 
 /// Distance of the normals of two touches; 0 if one was not felt.

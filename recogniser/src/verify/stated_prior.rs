@@ -219,8 +219,8 @@ impl StatedPrior {
 
     /// ln of the density of an unknown object that was touched `n` times about `place`, relative
     /// to the uniform prior: it stands where the camera says too. Equation R34.
-    pub(crate) fn log_unknown(&self, place: Vec3, n: usize) -> f64 {
-        let variance = self.statement.radius.powi(2) / (3.0 * n.max(1) as f64);
+    pub(crate) fn log_unknown(&self, place: Vec3, n: f64) -> f64 {
+        let variance = self.statement.radius.powi(2) / (3.0 * n);
         let wrong = self.statement.prior.wrong;
         ((1.0 - wrong) * self.place(place, variance) + wrong).ln()
     }

@@ -33,6 +33,7 @@ mod matrix;
 mod memory;
 mod model_frame;
 mod msgpack;
+mod near;
 mod next_touches;
 mod objects;
 mod order;

@@ -3,6 +3,7 @@
 use palpate_core::reading::Looseness;
 
 use super::Component;
+use crate::belief::places::Places;
 use crate::belief::retrieval::begin_scores;
 use crate::belief::stage::Stage;
 use crate::verify::motion_prior::{self, MotionPrior};
@@ -34,7 +35,7 @@ impl Component {
             object.forget_evidence();
         }
         begin_scores(&mut self.objects, log_priors);
-        self.stage = Stage::Prior;
+        (self.stage, self.places) = (Stage::Prior, Places::default());
     }
 
     /// Inflates the motion prior for one more move before a touch.

@@ -8,10 +8,12 @@ use palpate_core::log_prob::log_sum_exp;
 use super::Component;
 use crate::belief::common::Common;
 use crate::belief::object::ObjectBelief;
+use crate::belief::scatter::perform;
 use crate::belief::search::evidence_bar;
 use crate::belief::stated_search::pair_correction;
 use crate::belief::work::Work;
 use crate::model::joint_pairs::TOUCHES_PER_OBJECT;
+use crate::observe::observation::Observation;
 use crate::verify::motion_prior::StatedOf;
 use crate::verify::stated_prior::StatedPrior;
 
@@ -46,12 +48,19 @@ impl Component {
         }
     }
 
-    /// The evidence of the first touch or the first pair beside the statement. `usual` is the
+    /// The evidence of the first touch, or of its pair with the newest, beside the statement. `usual` is the
     /// density of the touches on a usual object over that of touches anywhere.
     pub(super) fn weigh_stated(&mut self, common: &Common, usual: f64) {
-        if self.stated.is_some() {
-            self.work(common, &Work::WeighStated { patches_max: patches_max(common), usual });
+        if self.stated.is_none() {
+            return;
         }
+        let ends: Vec<Observation> = match &self.touches[..] {
+            [first, .., newest] => vec![first.clone(), newest.clone()],
+            touches => touches.to_vec(),
+        };
+        let (evidence, patches_max) = (common.evidence(&ends, &[]), patches_max(common));
+        let work = Work::WeighStated { patches_max, usual };
+        perform(&work, &mut self.objects, &evidence, &common.model);
     }
 
     /// The evidence of a pair beside the statement: the mean of two estimates, by stored pairs and by

@@ -7,6 +7,7 @@ use palpate_core::object::ObjectIdx;
 use palpate_core::reading::Looseness;
 
 use super::*;
+use crate::belief::pair_weight::{density_anywhere, pair_evidence, usual_density};
 use crate::belief::posterior::log_posterior;
 use crate::belief::stated_search::pair_correction;
 use crate::model::SurfaceModel;
@@ -48,7 +49,7 @@ fn an_unsteady_touch_proposes_nothing_once_poses_are_good() {
         let hypothesis = Hypothesis::new(rotation, translation, 60.0);
         let hypotheses = if is_known { vec![hypothesis] } else { Vec::new() };
         let known = ObjectBelief { hypotheses, ..ObjectBelief::new(0.0) };
-        component.conclude(Stage::Poses, vec![known, ObjectBelief::new(0.0)]);
+        component.conclude(Stage::Poses, vec![known, ObjectBelief::new(0.0)], Places::default());
         component.propose_in_doubt(&common, true);
         let best = component.objects[1].hypotheses.first();
         best.is_some_and(|h| error(h.rotation, h.translation, &some_pose(5)).0 < 0.003)
@@ -72,7 +73,11 @@ fn a_rejected_object_keeps_no_other_from_the_search() {
             let (rotation, translation) = single(&some_pose(6));
             let hypotheses = vec![Hypothesis::new(rotation, translation, 45.0)];
             let known = ObjectBelief { hypotheses, log_evidence: 45.0, ..ObjectBelief::new(0.0) };
-            component.conclude(Stage::Poses, vec![known, ObjectBelief::new(0.0)]);
+            component.conclude(
+                Stage::Poses,
+                vec![known, ObjectBelief::new(0.0)],
+                Places::default(),
+            );
             component
         };
         let common = Common::new(Arc::clone(&model), options, None).unwrap();
@@ -137,7 +142,7 @@ fn an_unlucky_pair_does_not_outweigh_a_stated_pose() {
     component.objects[2].pair.evidence = 0.0;
     component.objects[2].hypotheses.clear();
     component.objects[7].pair.evidence = 100.0 * usual;
-    component.weigh_pair(&common);
+    component.weigh_pair(&common, 1.0);
     let log = |n: usize| component.objects[n].log_evidence + log_priors[n];
     assert!((0..40).all(|n| n == 2 || log(n) < log(2) - 3.0), "{} {}", log(2), log(7));
 }
@@ -156,7 +161,7 @@ fn stored_pairs_count_beside_stated_poses() {
     by_poses.objects[2].log_evidence = object.log_evidence;
     let anywhere = density_anywhere([&by_poses.touches[0], &by_poses.touches[1]], &common.options);
     by_poses.weigh_stated(&common, (f64::from(usual) / anywhere).max(1.0));
-    component.weigh_pair(&common);
+    component.weigh_pair(&common, 1.0);
     let by_poses = by_poses.objects[2].log_evidence;
     let mean = (0.5 * (by_pairs.exp() + by_poses.exp())).ln();
     let found = component.objects[2].log_evidence;

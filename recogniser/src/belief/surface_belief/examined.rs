@@ -156,6 +156,7 @@ mod tests {
 
     use super::*;
     use crate::belief::component::Observed;
+    use crate::belief::places::Places;
     use crate::observe::observation::Observation;
     use crate::options::SurfaceOptions;
     use crate::test_support::{map_of, model_of, places, seen, some_pose};
@@ -184,7 +185,7 @@ mod tests {
         let of = belief.rest.explained();
         let (stage, mut objects) = (of.stage, of.objects.to_vec());
         objects[0].hypotheses.clear();
-        belief.rest.conclude(stage, objects);
+        belief.rest.conclude(stage, objects, Places::default());
         let lost = belief.log_evidence_on(ObjectIdx(0), &map, &[]).unwrap();
         assert!((lost - 4.0 * 0.01f64.ln()).abs() < 1e-3, "{lost}");
         let started = belief.log_evidence_on(ObjectIdx(0), &map, &[some_pose(5)]).unwrap();

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::belief::object::ObjectBelief;
+use crate::belief::places::Places;
 use crate::test_support::{model_of, places, seen, some_pose};
 use crate::verify::hypothesis::Hypothesis;
 
@@ -16,14 +17,15 @@ fn at(x: f32, score: f32) -> Hypothesis {
 /// Gives a component one hypothesis of each object, and the evidence of its row.
 fn conclude(component: &mut Component, common: &Common, log_prior: f64, row: Row, of: Hypothesis) {
     let blank = || ObjectBelief { hypotheses: vec![of], ..ObjectBelief::new(0.0) };
-    component.conclude(Stage::Poses, vec![blank(), blank()]);
+    component.conclude(Stage::Poses, vec![blank(), blank()], Places::default());
     let without = log_posterior(common, &component.explained());
     let temperature = common.model.calibration.stages[2].temperature;
     let object = |(share, log): (f64, f64)| {
         let log_evidence = temperature * (share.ln() - log - log_prior);
         ObjectBelief { log_evidence, ..blank() }
     };
-    component.conclude(Stage::Poses, row.into_iter().zip(without).map(object).collect());
+    let objects = row.into_iter().zip(without).map(object).collect();
+    component.conclude(Stage::Poses, objects, Places::default());
 }
 
 /// A belief after four touches in which rest has one row and pose, and one drifting component

@@ -114,9 +114,9 @@ fn a_workspace_is_denser_by_its_volume_and_has_an_end() {
     assert!((log(0.1) - (0.9 * 10.0 + 0.1f64).ln()).abs() < 1e-5);
     assert!((log(0.3) - 0.1f64.ln()).abs() < 1e-5, "outside the statement is wrong");
     // An unknown object is subject to the same.
-    let unknown = prior.log_unknown(Vec3::new(0.1, 0.1, 0.08), 100);
+    let unknown = prior.log_unknown(Vec3::new(0.1, 0.1, 0.08), 100.0);
     assert!((unknown - (0.9 * 10.0 + 0.1f64).ln()).abs() < 1e-3, "{unknown}");
-    assert!((prior.log_unknown(Vec3::splat(0.9), 100) - 0.1f64.ln()).abs() < 1e-6);
+    assert!((prior.log_unknown(Vec3::splat(0.9), 100.0) - 0.1f64.ln()).abs() < 1e-6);
 }
 
 #[test]
