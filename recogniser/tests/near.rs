@@ -151,3 +151,21 @@ fn a_miss_that_comes_again_says_nothing_new() {
     assert!(difference(&none, &once) > 0.2, "{none:?} {once:?}");
     assert!(difference(&once, &often) < 0.01, "{once:?} {often:?}");
 }
+
+#[test]
+fn doubling_every_touch_costs_no_probability() {
+    for n in 1..=6 {
+        let gains = (0..24).map(|session| {
+            let object = session % N_OBJECTS;
+            let single = touches(object, n, 100 + session as u64);
+            let twice = |reading: &Reading| {
+                let [x, ..] = directions(reading);
+                [reading.clone(), beside(reading, 0.3 * MM * x)]
+            };
+            let doubled: Vec<Reading> = single.iter().flat_map(twice).collect();
+            believed(&doubled)[object] - believed(&single)[object]
+        });
+        let mean = gains.sum::<f64>() / 24.0;
+        assert!(mean.abs() < 0.02, "{n} touches: {mean}");
+    }
+}

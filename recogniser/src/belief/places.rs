@@ -90,7 +90,8 @@ impl Places {
 
     /// Probability that the touches are of places whose pairs tell the pose.
     pub(super) fn several(&self) -> f64 {
-        1.0 - (self.one + self.two - self.paired)
+        let several = 1.0 - (self.one + self.two - self.paired);
+        if several < NEGLIGIBLE { 0.0 } else { several }
     }
 
     /// Heap bytes of its lists.
