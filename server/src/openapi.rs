@@ -16,8 +16,8 @@ mod operations;
 #[cfg(feature = "swagger")]
 pub(crate) mod reader;
 mod unions;
+mod walk;
 
-use std::collections::BTreeSet;
 use std::sync::OnceLock;
 
 use palpate_schemas::{
@@ -25,13 +25,15 @@ use palpate_schemas::{
 };
 use utoipa::OpenApi as _;
 use utoipa::openapi::extensions::Extensions;
-use utoipa::openapi::path::{Operation, Parameter, ParameterIn, PathItem};
+use utoipa::openapi::path::{Operation, ParameterIn};
 use utoipa::openapi::security::{Http, HttpAuthScheme, SecurityRequirement, SecurityScheme};
 use utoipa::openapi::{Content, Header, OpenApi, Ref, RefOr, Response};
 
 use crate::problem::body::CONTENT_TYPE;
 use crate::roles::{self, Rule, Who};
 use crate::routes;
+use walk::operations;
+pub(crate) use walk::{operation_ids, operations_without_query};
 
 /// Name of the security scheme.
 const SCHEME: &str = "key";
@@ -104,44 +106,6 @@ pub fn text() -> &'static str {
         text.push('\n');
         text
     })
-}
-
-/// Every operation as path, method and id.
-pub(crate) fn operation_ids() -> Vec<(String, &'static str, String)> {
-    let mut ids = Vec::new();
-    for (path, item) in &mut routes::api().into_openapi().paths.paths {
-        for (method, operation) in operations(item) {
-            ids.push((path.clone(), method, operation.operation_id.clone().unwrap_or_default()));
-        }
-    }
-    ids
-}
-
-/// The operations without parameters in their query, as path and method.
-pub(crate) fn operations_without_query() -> BTreeSet<(String, &'static str)> {
-    let mut found = BTreeSet::new();
-    for (path, item) in &mut routes::api().into_openapi().paths.paths {
-        for (method, operation) in operations(item) {
-            let mut parameters = operation.parameters.iter().flatten();
-            let is_of_query = |parameter: &RefOr<Parameter>| matches!(parameter, RefOr::T(it) if it.parameter_in == ParameterIn::Query);
-            if !parameters.any(is_of_query) {
-                found.insert((path.clone(), method));
-            }
-        }
-    }
-    found
-}
-
-fn operations(item: &mut PathItem) -> impl Iterator<Item = (&'static str, &mut Operation)> {
-    [
-        ("GET", &mut item.get),
-        ("PUT", &mut item.put),
-        ("POST", &mut item.post),
-        ("PATCH", &mut item.patch),
-        ("DELETE", &mut item.delete),
-    ]
-    .into_iter()
-    .filter_map(|(method, operation)| Some((method, operation.as_mut()?)))
 }
 
 /// Adds the permitted roles of an operation, or that it needs no key.

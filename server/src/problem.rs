@@ -361,9 +361,7 @@ fn framework_draft(found: StatusCode, path: &str) -> Draft {
             ProblemType::MethodNotAllowed,
             format!("{path} exists, but not with this method; the header `Allow` lists which"),
         ),
-        StatusCode::PAYLOAD_TOO_LARGE => {
-            (ProblemType::BodyTooLarge, "the body exceeds the size limit".to_owned())
-        }
+        StatusCode::PAYLOAD_TOO_LARGE => (ProblemType::BodyTooLarge, "the body is too long".into()),
         StatusCode::UNSUPPORTED_MEDIA_TYPE => {
             (ProblemType::UnsupportedMediaType, "the content type is not supported here".to_owned())
         }

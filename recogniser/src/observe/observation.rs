@@ -1,13 +1,11 @@
 //! An observation: a touch in single precision relative to the session's anchor, with its weight.
 
-use std::f64::consts::FRAC_1_SQRT_2;
 use std::ops::Range;
 
 use glam::{DVec3, Mat3, Vec3};
-use libm::erf;
 use palpate_core::reading::{Base, Looseness};
 
-use super::placement::{Placement, Variances};
+use super::placement::{Placement, Variances, apart_by};
 use super::steadiness::Steadiness;
 use super::touch::Touch;
 use crate::coding::{Coded, NotWork};
@@ -16,12 +14,6 @@ use crate::model::appearance::AppearanceSpace;
 use crate::model::features::Features;
 use crate::model::thinning::NORMAL_REACH;
 use crate::options::TouchScale;
-
-/// Distance (m) of the shortest pair of touches that a map stores: ℓ₀ of equation R2.
-const SHORTEST: f32 = 0.004;
-
-/// Deviation (m) of an observed distance: σ_ℓ of equations R2 and R9.
-const DEVIATION: f32 = 0.001;
 
 /// A touch of the session, relative to the anchor (the first touch).
 #[derive(Clone, Debug, PartialEq)]
@@ -269,13 +261,6 @@ impl Observation {
 }
 
 mod coded;
-
-/// Probability that two touches `distance` (m) apart are of two places that a map tells apart.
-/// Equation R2 of docs/recogniser.md.
-pub(crate) fn apart_by(distance: f32) -> f32 {
-    let deviations = (distance - SHORTEST) / DEVIATION;
-    (0.5 * (1.0 + erf(f64::from(deviations) * FRAC_1_SQRT_2))) as f32
-}
 
 /// What the deviation of a contact's position costs at its own place: ln of the peak of the
 /// kernel of R4 without it over that with it. `variance` in m². Part of equation R13.

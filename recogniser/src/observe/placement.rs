@@ -5,9 +5,18 @@
 //! therefore compared with a map with a growing variance, and one out of the kernel's reach
 //! still lies about the object, not anywhere (equation R14).
 
+use std::f64::consts::FRAC_1_SQRT_2;
+
+use libm::erf;
 use palpate_core::reading::{Base, Looseness};
 
 use crate::coding::{Coded, NotWork};
+
+/// Distance (m) of the shortest pair of touches that a map stores: ℓ₀ of equation R2.
+const SHORTEST: f32 = 0.004;
+
+/// Deviation (m) of an observed distance: σ_ℓ of equations R2 and R9.
+const DEVIATION: f32 = 0.001;
 
 /// Deviation of the object's motion that halves the weight of a touch, metres.
 pub(crate) const HALF: f32 = 0.01;
@@ -171,6 +180,13 @@ fn variances(deviations: &Looseness) -> Variances {
 
 fn sum(a: Variances, b: Variances) -> Variances {
     (a.0 + b.0, a.1 + b.1)
+}
+
+/// Probability that two touches `distance` (m) apart are of two places that a map tells apart.
+/// Equation R2 of docs/recogniser.md.
+pub(super) fn apart_by(distance: f32) -> f32 {
+    let deviations = (distance - SHORTEST) / DEVIATION;
+    (0.5 * (1.0 + erf(f64::from(deviations) * FRAC_1_SQRT_2))) as f32
 }
 
 #[cfg(test)]

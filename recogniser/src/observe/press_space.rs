@@ -10,8 +10,7 @@ use palpate_core::reading::point_contact::PointContact;
 use palpate_core::reading::{Looseness, Reading};
 use palpate_core::sensor::SensorDescription;
 
-use super::observation::apart_by;
-use super::placement::kept;
+use super::placement::{apart_by, kept};
 use crate::coding::{Coded, NotWork};
 
 /// Points along each side of the array, at most.

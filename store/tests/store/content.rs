@@ -1,5 +1,4 @@
-//! Tests of large content on a cluster: in objects of a bucket, fetched when it is read, removed
-//! when nothing names it.
+//! Tests of large content on a cluster: in objects of a bucket, fetched when read, then removed.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -55,7 +54,6 @@ fn publish(database: &Database, bytes: usize) -> Manifest {
 /// A store as any client of NATS sees it.
 struct Outside {
     context: Context,
-    /// The bucket, and the stream in which it is.
     bucket: ObjectStore,
     content: Stream,
     stream: Stream,
