@@ -22,3 +22,4 @@ pub mod vocabulary;
 pub mod symmetry;
 pub mod belief;
 pub mod health;
+pub mod plausible;

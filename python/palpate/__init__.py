@@ -4,6 +4,8 @@
 without one. docs/python.md is the guide. SI units, quaternions x, y, z, w.
 """
 
+from importlib.metadata import version
+
 from palpate import local
 from palpate.belief import (
     Belief,
@@ -27,6 +29,7 @@ from palpate.documents import (
 from palpate.errors import (
     BrokenError,
     BusyError,
+    ClosedClientError,
     ConflictError,
     FieldError,
     ForbiddenError,
@@ -43,9 +46,11 @@ from palpate.errors import (
 )
 from palpate.events import BeliefEvent, ClosedEvent, DeletedEvent, SessionEvent
 from palpate.pose import Pose
-from palpate.readings import Readings
+from palpate.readings import Reading, Readings
 from palpate.retry import RetryPolicy
 from palpate.touch_session import AsyncTouchSession, TouchSession
+
+__version__ = version("palpate")
 
 __all__ = [
     "Added",
@@ -56,6 +61,7 @@ __all__ = [
     "BrokenError",
     "BusyError",
     "Client",
+    "ClosedClientError",
     "ClosedEvent",
     "ConflictError",
     "DeletedEvent",
@@ -73,6 +79,7 @@ __all__ = [
     "PalpateError",
     "Pose",
     "ProblemError",
+    "Reading",
     "Readings",
     "RetryPolicy",
     "SensorInfo",
@@ -88,5 +95,6 @@ __all__ = [
     "UnexpectedError",
     "UnreachableError",
     "Warning",
+    "__version__",
     "local",
 ]

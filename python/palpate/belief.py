@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from palpate import pictures
 from palpate.pose import FloatArray, Pose
+from palpate.values import Value
 
 
 @dataclass(frozen=True)
@@ -21,7 +23,7 @@ class ObjectProbability:
 
 
 @dataclass(frozen=True, eq=False)
-class SymmetryAxis:
+class SymmetryAxis(Value):
     """An axis about which turns leave an object unchanged, in the session frame."""
 
     point: FloatArray
@@ -31,7 +33,7 @@ class SymmetryAxis:
 
 
 @dataclass(frozen=True, eq=False)
-class Hypothesis:
+class Hypothesis(Value):
     """A likely pose of one object. Do not average hypotheses."""
 
     name: str
@@ -67,8 +69,8 @@ class Warning:
     detail: str
 
 
-@dataclass(frozen=True, eq=False)
-class Belief:
+@dataclass(frozen=True, eq=False, repr=False)
+class Belief(Value):
     """The belief over the identity and pose of the touched object."""
 
     objects: list[ObjectProbability]
@@ -85,7 +87,7 @@ class Belief:
     stop: StopAdvice | None
     """None without a stated risk."""
     warnings: list[Warning]
-    """Probable mistakes; only the server looks for them."""
+    """Probable mistakes in what was sent."""
     session: str | None
     revision: int | None
     partial: bool
@@ -100,6 +102,34 @@ class Belief:
         if not self.objects or self.unknown >= self.objects[0].probability:
             return None
         return self.objects[0].name
+
+    def __repr__(self) -> str:
+        """The answer in a line."""
+        answer = self.best or "none of these"
+        sure = self.probability(self.best) if self.best else self.unknown
+        return (
+            f"Belief({answer} {sure:.1%}, none of these {self.unknown:.1%}, "
+            f"{len(self.objects)} objects, {self.n_readings} readings)"
+        )
+
+    def _repr_html_(self) -> str:
+        """The likeliest answers as bars, for a notebook."""
+        rows = [(one.name, one.probability) for one in self.objects[:9]]
+        rows.append(("none of these", self.unknown))
+        title = f"{self.n_readings} readings, {self.entropy_bits:.2f} bits"
+        return pictures.bars(sorted(rows, key=lambda row: -row[1]), title)
+
+    def to_frame(self) -> Any:
+        """The poses as a pandas `DataFrame`: a row a hypothesis, metres; needs pandas."""
+        import pandas
+
+        columns = ("x", "y", "z", "qx", "qy", "qz", "qw")
+        rows = [
+            {"name": one.name, "weight": one.weight}
+            | dict(zip(columns, one.pose.numbers.tolist(), strict=True))
+            for one in self.poses
+        ]
+        return pandas.DataFrame(rows, columns=["name", "weight", *columns])
 
     def probability(self, name: str) -> float:
         """Probability of the object with a name."""

@@ -18,6 +18,7 @@ from palpate import events
 from palpate.documents import Job
 from palpate.errors import (
     BrokenError,
+    ClosedClientError,
     PalpateError,
     TimedOutError,
     UnreachableError,
@@ -47,6 +48,7 @@ class Settings:
         timeout: float,
         retry: RetryPolicy | None,
     ) -> None:
+        self.arguments = (address, key, authority, timeout, retry)
         given = address or os.environ.get("PALPATE_SERVER") or ADDRESS
         self.url = httpx.URL(given.rstrip("/"))
         if self.url.scheme not in ("http", "https") or not self.url.host:
@@ -168,6 +170,7 @@ class Client(Operations, SyncRunner):
             time.sleep(follower.pause(failure))
 
     def _lines(self, request: Request) -> Iterator[str]:
+        _refuse_closed(self._http)
         parts = self._settings.stream_parts(request)
         try:
             with self._http.stream(**parts) as answer:
@@ -185,7 +188,12 @@ class Client(Operations, SyncRunner):
             return time.sleep(step.seconds)
         return self._exchange(step)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """A copy, or what is read from a pickle, is a new client of the same server."""
+        return (_client, (type(self), self._settings.arguments))
+
     def _exchange(self, exchange: Exchange) -> bytes:
+        _refuse_closed(self._http)
         parts = self._settings.parts(exchange.request)
         try:
             answer = self._http.request(**parts)
@@ -269,6 +277,7 @@ class AsyncClient(Operations, AsyncRunner):
             await asyncio.sleep(follower.pause(failure))
 
     async def _lines(self, request: Request) -> Any:
+        _refuse_closed(self._http)
         parts = self._settings.stream_parts(request)
         try:
             async with self._http.stream(**parts) as answer:
@@ -287,13 +296,29 @@ class AsyncClient(Operations, AsyncRunner):
             return await asyncio.sleep(step.seconds)
         return await self._exchange(step)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """A copy, or what is read from a pickle, is a new client of the same server."""
+        return (_client, (type(self), self._settings.arguments))
+
     async def _exchange(self, exchange: Exchange) -> bytes:
+        _refuse_closed(self._http)
         parts = self._settings.parts(exchange.request)
         try:
             answer = await self._http.request(**parts)
         except httpx.TransportError as error:
             raise _transport_error(parts["url"], error) from error
         return _accepted(answer)
+
+
+def _client(kind: type[Any], arguments: tuple[Any, ...]) -> Any:
+    """A client of these arguments."""
+    address, key, authority, timeout, retry = arguments
+    return kind(address, key=key, authority=authority, timeout=timeout, retry=retry)
+
+
+def _refuse_closed(http: httpx.Client | httpx.AsyncClient) -> None:
+    if http.is_closed:
+        raise ClosedClientError("the client is closed: make another")
 
 
 def _accepted(answer: httpx.Response) -> bytes:

@@ -30,6 +30,10 @@ class BrokenError(PalpateError, ConnectionError):
     """The connection broke during the answer; whether the request took effect is unknown."""
 
 
+class ClosedClientError(PalpateError):
+    """The client was closed before the call."""
+
+
 class UnexpectedError(PalpateError):
     """The answer has an unexpected form: the server has another version."""
 

@@ -8,8 +8,11 @@ robots, calibrations and passports of sensors, warnings, the other methods.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+import sys
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -67,12 +70,12 @@ def press(
     A sensor's +z points at the object; its covering's free surface is at z = 0, so the surface
     must lie there at z < 0 for contact. `seed` determines the noise.
     """
-    return _native.press(mesh, sensor, poses_array(object_from_sensor), seed=seed)
+    return _native.press(mesh, sensor, poses_array(object_from_sensor), seed=checked_seed(seed))
 
 
 def touch(mesh: Mesh, sensor: Sensor, n: int, *, seed: int = 1) -> Readings:
     """`n` touches anywhere on a mesh that rest in contact, in the mesh's frame."""
-    poses, images = _native.touch(mesh, sensor, n, seed=seed)
+    poses, images = _native.touch(mesh, sensor, n, seed=checked_seed(seed))
     return Readings(poses, images)
 
 
@@ -83,6 +86,7 @@ def train(
     touches: int | None = None,
     surface_touches: int | None = None,
     seed: int = 1,
+    progress: bool | Callable[[int, int], None] = False,
 ) -> Catalogue:
     """Trains the surfaces of objects, as a server's training with `sva=False` does.
 
@@ -90,7 +94,8 @@ def train(
     frame. `touches` and `surface_touches` are `readings_per_object` and
     `surface_readings_per_object` of the API (default: 1000 and 2400, or as many as `touches`).
     `sensor` takes both (default: `digitacts-6x6`). All randomness comes from `seed`; the object at
-    index i uses seed + i. Runs on all cores; Ctrl-C stops it.
+    index i uses seed + i. Runs on all cores; Ctrl-C stops it. `progress` prints the touches of
+    meshes so far to the standard error, or is called with them and their number.
     """
     used = Sensor.preset(DEFAULT_SENSOR) if sensor is None else sensor
     sources: list[tuple[str, Mesh | _native.Readings]] = []
@@ -102,9 +107,54 @@ def train(
                 raise ValueError(f'objects["{name}"]: {error}') from error
         else:
             sources.append((name, source))
-    return Catalogue.train(
-        sources, sensor=used, touches=touches, surface_touches=surface_touches, seed=seed
+    if len(sources) == 1:
+        warnings.warn(
+            "the catalogue has one object: nothing can be told apart, and probabilities are not "
+            "calibrated",
+            stacklevel=2,
+        )
+    tell = print_progress if progress is True else progress or None
+    trained = Catalogue.train(
+        sources,
+        sensor=used,
+        touches=touches,
+        surface_touches=surface_touches,
+        seed=checked_seed(seed),
+        progress=tell,
     )
+    if progress is True:
+        print(file=sys.stderr)
+    return trained
+
+
+def print_progress(done: int, total: int) -> None:
+    """Shows the touches of a training so far on one line of the standard error."""
+    print(f"\r{done} of {total} touches", end="", file=sys.stderr, flush=True)
+
+
+def checked_seed(seed: int) -> int:
+    """A seed, which is no negative number and has at most 64 bits."""
+    if not 0 <= seed < 2**64:
+        raise ValueError(f"seed: came {seed}, expected 0 to 2⁶⁴ - 1")
+    return seed
+
+
+def save(catalogue: Catalogue, path: str | os.PathLike[str]) -> None:
+    """Writes a catalogue to a file, which `load` of the same version of palpate reads."""
+    Path(path).write_bytes(catalogue.to_bytes())
+
+
+def load(path: str | os.PathLike[str]) -> Catalogue:
+    """The catalogue of a file that `save` wrote."""
+    try:
+        return Catalogue.from_bytes(Path(path).read_bytes())
+    except ValueError as error:
+        raise ValueError(f"path: {os.fspath(path)}: {error}") from error
+
+
+def sensor_of(arguments: dict[str, Any]) -> Sensor:
+    """The sensor of these arguments of `Sensor.preset` or `Sensor.grid`; pickles use it."""
+    return Sensor.preset(**arguments) if "name" in arguments else Sensor.grid(**arguments)
 
 
 class Recognition:
@@ -150,6 +200,9 @@ class Recognition:
         self._native.add(native(sensor, readings))
         return self.belief()
 
+    def __repr__(self) -> str:
+        return f"Recognition({self.belief()!r})"
+
     def belief(self, *, poses: int = 5, risk: float | None = None) -> Belief:
         """The belief with at most `poses` poses; `risk` adds the advice on stopping."""
         return Belief.from_wire(self._native.belief(poses=poses, risk=risk))
@@ -185,9 +238,11 @@ __all__ = [
     "Readings",
     "Recognition",
     "Sensor",
+    "load",
     "load_mesh",
     "make_mesh",
     "press",
+    "save",
     "touch",
     "train",
 ]

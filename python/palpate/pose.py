@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Union
+from typing import TYPE_CHECKING, Any, Union, overload
 
 import numpy as np
 import numpy.typing as npt
+
+from palpate.values import Value
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -23,8 +25,14 @@ ROTATION_TOLERANCE = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
-class Pose:
-    """A pose. Build it with `Pose.of` from a 4 × 4 matrix or a rotation and a translation."""
+class Pose(Value):
+    """A pose. Build it with `Pose.of` from a 4 × 4 matrix or a rotation and a translation.
+
+    Two poses are equal if all their numbers are; `isclose` allows for rounding.
+    """
+
+    __array_ufunc__ = None
+    """Lets `array @ pose` be an error instead of an array of objects."""
 
     position: FloatArray
     """x, y, z, metres."""
@@ -40,12 +48,15 @@ class Pose:
         """
         if isinstance(given, Pose):
             return given
+        if hasattr(given, "as_matrix") and not isinstance(given, tuple):
+            # Such as scipy's RigidTransform; a Rotation alone has no position.
+            given = np.asarray(given.as_matrix(), dtype=np.float64)
         if isinstance(given, tuple) and len(given) == 2:
             turn, position = given
             return cls(_numbers("translation", position, (3,)), _quaternion(turn))
         numbers = np.asarray(given, dtype=np.float64)
         if numbers.shape == (7,):
-            return cls(numbers[:3].copy(), numbers[3:].copy())
+            return cls(numbers[:3].copy(), _unit(numbers[3:].copy()))
         if numbers.shape == (4, 4):
             if not np.array_equal(numbers[3], [0.0, 0.0, 0.0, 1.0]):
                 raise ValueError(f"pose: last row is {numbers[3]}, expected 0, 0, 0, 1")
@@ -90,9 +101,35 @@ class Pose:
 
         return Rotation.from_quat(self.orientation)
 
-    def __matmul__(self, other: Pose) -> Pose:
-        """The product: `a_from_b @ b_from_c` is `a_from_c`."""
-        return Pose.of(self.matrix @ other.matrix)
+    @overload
+    def __matmul__(self, other: Pose) -> Pose: ...
+    @overload
+    def __matmul__(self, other: npt.ArrayLike) -> FloatArray: ...
+    def __matmul__(self, other: Pose | npt.ArrayLike) -> Pose | FloatArray:
+        """The product: `a_from_b @ b_from_c` is `a_from_c`; with points, `apply`."""
+        if isinstance(other, Pose):
+            return Pose.of(self.matrix @ other.matrix)
+        return self.apply(other)
+
+    def apply(self, points: npt.ArrayLike) -> FloatArray:
+        """The points (3, or n × 3, metres) in the frame to which the pose leads."""
+        given = np.asarray(points, dtype=np.float64)
+        if given.shape[-1:] != (3,) or given.ndim > 2:
+            raise ValueError(f"points: have shape {given.shape}, expected 3 or n × 3")
+        moved: FloatArray = given @ self.matrix[:3, :3].T + self.position
+        return moved
+
+    def isclose(self, other: PoseLike, *, position: float = 1e-9, angle: float = 1e-9) -> bool:
+        """Whether the other pose is at most `position` metres and `angle` radians away."""
+        there = Pose.of(other)
+        ours, theirs = (one.orientation / np.linalg.norm(one.orientation) for one in (self, there))
+        apart = min(np.linalg.norm(ours - theirs), np.linalg.norm(ours + theirs))
+        turned = 4 * np.arcsin(min(1.0, float(apart) / 2))
+        return bool(np.linalg.norm(self.position - there.position) <= position and turned <= angle)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> FloatArray:
+        """The 4 × 4 matrix."""
+        return self.matrix.astype(dtype or np.float64)
 
     def inverse(self) -> Pose:
         """The inverse: `b_from_a` of `a_from_b`."""
@@ -131,15 +168,26 @@ def _numbers(argument: str, given: npt.ArrayLike, shape: tuple[int, ...]) -> Flo
 def _quaternion(turn: Any) -> FloatArray:
     """The quaternion x, y, z, w of a rotation."""
     if hasattr(turn, "as_quat"):
-        return _numbers("rotation", turn.as_quat(), (4,))
+        numbers = np.array(turn.as_quat(), dtype=np.float64)
+        if numbers.ndim != 1:
+            raise ValueError(f"rotation: came {len(numbers)} rotations, expected one")
+        return numbers
     numbers = np.array(turn, dtype=np.float64)
     if numbers.shape == (4,):
-        return numbers
+        return _unit(numbers)
     if numbers.shape != (3, 3):
         raise ValueError(
             f"rotation: has shape {numbers.shape}, expected a Rotation, 3 × 3, or x, y, z, w"
         )
     return _of_matrix(numbers)
+
+
+def _unit(quaternion: FloatArray) -> FloatArray:
+    """The quaternion, if its length is 1 as the server requires it."""
+    length = float(np.linalg.norm(quaternion))
+    if not abs(length - 1) <= ROTATION_TOLERANCE:
+        raise ValueError(f"orientation: has length {length:.6g}, expected a quaternion of length 1")
+    return quaternion
 
 
 def _of_matrix(m: FloatArray) -> FloatArray:

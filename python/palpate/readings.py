@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 import numpy.typing as npt
 
+from palpate import pictures
 from palpate.pose import FloatArray, Pose, PoseLike, poses_array
+from palpate.values import Value
 
 
 @dataclass(frozen=True, eq=False)
-class Readings:
+class Reading(Value):
+    """One press."""
+
+    pose: Pose
+    """`session_from_sensor`."""
+    image: FloatArray
+    """Taxels, pascal, as the driver sends them; NaN for a missing taxel."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Readings(Value):
     """Presses of one sensor: n poses and n images. Build them with `Readings.of`."""
 
     poses: FloatArray
@@ -27,7 +39,7 @@ class Readings:
 
         Images may also have rows and columns (n × rows × cols).
         """
-        numbers = np.array(images, dtype=np.float64)
+        numbers = real("images", images)
         if numbers.ndim < 2:
             raise ValueError(f"images: have shape {numbers.shape}, expected n × taxels")
         placed = poses_array(poses)
@@ -38,9 +50,29 @@ class Readings:
     def __len__(self) -> int:
         return len(self.poses)
 
-    def __getitem__(self, chosen: slice | npt.NDArray[np.integer[Any]]) -> Readings:
-        """The readings of a slice, or of an array of indices."""
+    @overload
+    def __getitem__(self, chosen: int) -> Reading: ...
+    @overload
+    def __getitem__(self, chosen: slice | npt.NDArray[np.integer[Any]]) -> Readings: ...
+    def __getitem__(self, chosen: int | slice | npt.NDArray[np.integer[Any]]) -> Reading | Readings:
+        """The reading of an index; the readings of a slice or of an array of indices."""
+        if isinstance(chosen, int | np.integer):
+            return Reading(Pose.of(self.poses[chosen]), self.images[chosen])
         return Readings(self.poses[chosen], self.images[chosen])
+
+    def __iter__(self) -> Iterator[Reading]:
+        """The readings, one by one."""
+        return (self[index] for index in range(len(self)))
+
+    def __repr__(self) -> str:
+        return f"Readings({len(self)} of {self.images.shape[1]} taxels)"
+
+    def _repr_html_(self) -> str:
+        """The images as heat maps, for a notebook; as a row where the taxels are no square."""
+        n, taxels = self.images.shape
+        side = round(taxels**0.5)
+        rows = side if side * side == taxels else 1
+        return pictures.heat(self.images.reshape(n, rows, taxels // rows), repr(self))
 
     def moved(self, other_from_session: PoseLike) -> Readings:
         """The same presses seen from another frame."""
@@ -65,7 +97,15 @@ class Readings:
         return documents
 
 
+def real(argument: str, given: npt.ArrayLike) -> FloatArray:
+    """Real numbers, from anything that holds such; None is NaN."""
+    array = np.asarray(given)
+    if array.dtype.kind not in "biufO":
+        raise ValueError(f"{argument}: are of type {array.dtype}, expected real numbers")
+    return np.array(array, dtype=np.float64)
+
+
 def image_to_wire(image: npt.ArrayLike) -> list[float | None]:
     """The values of an image in a request, null for NaN."""
-    values: list[float] = np.asarray(image, dtype=np.float64).ravel().tolist()
+    values: list[float] = real("image", image).ravel().tolist()
     return [None if value != value else value for value in values]

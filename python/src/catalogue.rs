@@ -4,6 +4,7 @@
 //! `python/tests/test_same_numbers.py` compares the beliefs bit for bit.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
 use palpate_core::contact::touches;
@@ -22,11 +23,13 @@ use palpate_sim::sampler::family::{sample_runs, sample_training};
 use palpate_sim::sampler::{SampleError, SamplerConfig};
 use palpate_sim::symmetry;
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
 use rayon::prelude::*;
 
 use crate::mesh::Mesh;
 use crate::press::{TOUCHES_MAX, going_on};
 use crate::readings::Readings;
+use crate::saved::Saved;
 use crate::sensor::{Known, Sensor};
 use crate::{fault, interrupt};
 
@@ -65,6 +68,9 @@ struct Material {
     shape: Option<(DVec3, Symmetry)>,
 }
 
+/// Arguments with which a pickle makes a catalogue.
+type Content<'py> = (Bound<'py, PyBytes>,);
+
 /// A training's failure: the argument, and what is wrong.
 type Failure = (String, String);
 
@@ -73,7 +79,9 @@ impl Catalogue {
     /// Trains surfaces. `objects` are names with a mesh or readings each; `sensor` touches the
     /// meshes as often as [`mesh_touches`] says. All randomness comes from `seed`.
     #[staticmethod]
-    #[pyo3(signature = (objects, *, sensor, touches=None, surface_touches=None, seed))]
+    #[pyo3(signature = (
+        objects, *, sensor, touches=None, surface_touches=None, seed, progress=None
+    ))]
     fn train(
         py: Python<'_>,
         objects: Vec<(String, Bound<'_, PyAny>)>,
@@ -81,6 +89,7 @@ impl Catalogue {
         touches: Option<u32>,
         surface_touches: Option<u32>,
         seed: u64,
+        progress: Option<Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let [touches, of_surface] =
             mesh_touches(touches, surface_touches).map(|touches| touches as usize);
@@ -107,8 +116,19 @@ impl Catalogue {
         }
         let (sensor, stop) = (Arc::clone(&sensor.known), Stop::possible());
         let touches = [touches, of_surface - touches];
-        let plan = Plan { sensor, touches, seed, n_objects: given.len(), stop: stop.clone() };
-        let trained = interrupt::run(py, &stop, || train(&plan, given))?;
+        let meshes = given.iter().filter(|one| matches!(one.source, Source::Mesh(_))).count();
+        let total = meshes * (touches[0] + touches[1]);
+        let done = AtomicUsize::new(0);
+        let plan = Plan { sensor, touches, seed, n_objects: given.len(), stop: stop.clone(), done };
+        let tell = || match &progress {
+            Some(progress) => {
+                let done = plan.done.load(Ordering::Relaxed).min(total);
+                progress.call1((done, total)).map(|_| ())
+            }
+            None => Ok(()),
+        };
+        let trained = interrupt::watched(py, &stop, &mut &tell, || train(&plan, given))?;
+        tell()?;
         trained.map_err(|(argument, detail)| fault::of(argument, detail))
     }
 
@@ -136,6 +156,26 @@ impl Catalogue {
         self.model.maps().iter().map(|map| map.origin_in_training().to_array()).collect()
     }
 
+    /// The catalogue as bytes, which `from_bytes` of the same version reads.
+    fn to_bytes<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &Saved::of(&self.names, &self.n_readings, &self.model).to_bytes())
+    }
+
+    /// The catalogue of bytes.
+    #[staticmethod]
+    fn from_bytes(py: Python<'_>, content: &[u8]) -> PyResult<Self> {
+        let saved = Saved::from_bytes(content).ok_or_else(|| {
+            fault::of("content", "is no catalogue that this version of palpate has saved")
+        })?;
+        let model = py.detach(|| Arc::new(saved.model()));
+        Ok(Self { names: saved.names, model, n_readings: saved.n_readings })
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Content<'py>)> {
+        let content = slf.get().to_bytes(slf.py());
+        Ok((slf.get_type().getattr("from_bytes")?, (content,)))
+    }
+
     fn __repr__(&self) -> String {
         format!("Catalogue({})", self.names.join(", "))
     }
@@ -149,6 +189,8 @@ struct Plan {
     seed: u64,
     n_objects: usize,
     stop: Stop,
+    /// Number of touches of meshes so far.
+    done: AtomicUsize,
 }
 
 fn train(plan: &Plan, given: Vec<Given>) -> Result<Catalogue, Failure> {
@@ -224,7 +266,12 @@ fn touch(
     let simulator = PressSimulator::new(mesh, sensor.description.clone());
     let config = SamplerConfig::for_simulator(&simulator);
     let (id, n, seed) = (sensor.id, plan.touches, plan.seed.wrapping_add(index as u64));
-    let mut hear = |_: usize, _: usize| going_on(&plan.stop);
+    let mut told = 0;
+    let mut hear = |done: usize, _: usize| {
+        plan.done.fetch_add(done.saturating_sub(told), Ordering::Relaxed);
+        told = done;
+        going_on(&plan.stop)
+    };
     let sampled = sample_training(&simulator, &family, id, n, seed, &config, &mut hear);
     let [readings, more] = sampled.map_err(failed)?;
     let (mut split, run) = if family.is_single() {

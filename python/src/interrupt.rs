@@ -22,6 +22,20 @@ pub(crate) fn run<T: Send>(
     stop: &Stop,
     work: impl FnOnce() -> T + Send,
 ) -> PyResult<T> {
+    watched(py, stop, &mut || Ok(()), work)
+}
+
+/// Like [`run`]; `watch` is called now and then meanwhile, with Python's lock. Its error stops the
+/// work.
+///
+/// # Errors
+/// As [`run`], and the error of `watch`.
+pub(crate) fn watched<T: Send>(
+    py: Python<'_>,
+    stop: &Stop,
+    watch: &mut dyn FnMut() -> PyResult<()>,
+    work: impl FnOnce() -> T + Send,
+) -> PyResult<T> {
     let done = AtomicBool::new(false);
     let waiting = thread::current();
     let (ended, signalled) = thread::scope(|scope| {
@@ -34,7 +48,7 @@ pub(crate) fn run<T: Send>(
         let mut signalled = Ok(());
         while signalled.is_ok() && !done.load(Ordering::Acquire) && !worker.is_finished() {
             py.detach(|| thread::park_timeout(LOOK));
-            signalled = py.check_signals();
+            signalled = py.check_signals().and_then(|()| watch());
         }
         if signalled.is_err() {
             stop.ask();

@@ -12,6 +12,7 @@ mod mesh;
 mod sensor;
 mod readings;
 mod press;
+mod saved;
 mod catalogue;
 mod recognition;
 

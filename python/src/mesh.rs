@@ -1,5 +1,7 @@
 //! Triangle meshes: from files, from arrays, and the built-in examples.
 
+use std::hash::{Hash, Hasher};
+
 use glam::DVec3;
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray2, PyReadonlyArray2};
@@ -11,6 +13,9 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
 use crate::{arrays, fault, interrupt};
+
+/// Arguments with which a pickle makes a mesh: vertices and faces.
+type Content<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<i64>>);
 
 /// A checked triangle mesh, metres.
 #[pyclass(frozen, module = "palpate._native")]
@@ -146,6 +151,29 @@ impl Mesh {
     /// The mesh as an OFF file in metres, exact to the last bit.
     fn to_off<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
         PyBytes::new(py, &self.mesh.to_off_bytes())
+    }
+
+    fn __eq__(&self, other: &Self) -> bool {
+        self.mesh.vertices() == other.mesh.vertices()
+            && self.mesh.triangles() == other.mesh.triangles()
+    }
+
+    fn __hash__(&self) -> u64 {
+        let mut hasher = std::hash::DefaultHasher::new();
+        self.mesh.triangles().hash(&mut hasher);
+        hasher.finish()
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Content<'py>)> {
+        let (py, mesh) = (slf.py(), slf.get());
+        Ok((slf.get_type().into_any(), (mesh.vertices(py), mesh.faces(py))))
+    }
+
+    /// A drawing, for a notebook.
+    fn _repr_html_<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        let (py, mesh) = (slf.py(), slf.get());
+        let shown = (mesh.vertices(py), mesh.faces(py), mesh.__repr__());
+        py.import("palpate.pictures")?.call_method1("mesh", shown)
     }
 
     fn __repr__(&self) -> String {

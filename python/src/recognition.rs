@@ -2,10 +2,12 @@
 
 use std::sync::Arc;
 
-use glam::DQuat;
+use glam::{DQuat, DVec3};
 use palpate_core::belief::answer::{Answer, PoseMode};
+use palpate_core::plausible::{self, Doubt};
 use palpate_core::pose::Pose;
-use palpate_core::reading::Looseness;
+use palpate_core::reading::{Looseness, Reading};
+use palpate_core::sensor::SensorDescription;
 use palpate_core::stop::Stop;
 use palpate_core::symmetry::{AxisOrder, SymmetryAxis};
 use palpate_recogniser::belief::SurfaceBelief;
@@ -28,6 +30,11 @@ pub(crate) struct Recognition {
     belief: SurfaceBelief,
     /// The recogniser's prior of "none of these", unless the session stated one.
     untold_unknown_prior: Option<f64>,
+    /// Position of the first reading, metres, session frame.
+    first: Option<DVec3>,
+    /// Probable mistakes in the readings so far: the first of each kind, with its reading's number.
+    doubts: Vec<(Doubt, usize, String)>,
+    n_readings: usize,
 }
 
 #[pymethods]
@@ -57,7 +64,9 @@ impl Recognition {
         let belief = SurfaceBelief::new(Arc::clone(&catalogue.model), options, prior.as_deref());
         let belief = belief.map_err(|error| fault::of("prior", error))?;
         let untold_unknown_prior = unknown_prior.is_none().then_some(usual.unknown);
-        Ok(Self { names: catalogue.names.clone(), belief, untold_unknown_prior })
+        let names = catalogue.names.clone();
+        let (first, doubts, n_readings) = (None, Vec::new(), 0);
+        Ok(Self { names, belief, untold_unknown_prior, first, doubts, n_readings })
     }
 
     /// Adds readings in their order; each counts as a press. An interrupted call adds nothing.
@@ -71,6 +80,9 @@ impl Recognition {
             next
         })?;
         self.belief = added;
+        for reading in readings.readings.iter() {
+            self.judge(reading, &readings.sensor.description);
+        }
         Ok(())
     }
 
@@ -99,6 +111,20 @@ impl Recognition {
 }
 
 impl Recognition {
+    /// Looks for probable mistakes in a reading, as the server does.
+    fn judge(&mut self, reading: &Reading, sensor: &SensorDescription) {
+        let position = reading.sent_pose().translation;
+        let first = *self.first.get_or_insert(position);
+        let found = plausible::of_pressures(reading, sensor).into_iter();
+        let found = found.chain(plausible::of_position(position));
+        for (doubt, detail) in found.chain(plausible::of_two_positions(first, position)) {
+            if self.doubts.iter().all(|(known, ..)| *known != doubt) {
+                self.doubts.push((doubt, self.n_readings, detail));
+            }
+        }
+        self.n_readings += 1;
+    }
+
     fn to_python<'py>(
         &self,
         py: Python<'py>,
@@ -133,6 +159,15 @@ impl Recognition {
         belief.set_item("calibrated", reason.is_none())?;
         belief.set_item("uncalibrated_reason", reason)?;
         belief.set_item("poses", poses)?;
+        let warnings = PyList::empty(py);
+        for (doubt, number, detail) in &self.doubts {
+            let warning = PyDict::new(py);
+            warning.set_item("code", doubt.code())?;
+            warning.set_item("pointer", format!("/readings/{number}"))?;
+            warning.set_item("detail", detail)?;
+            warnings.append(warning)?;
+        }
+        belief.set_item("warnings", warnings)?;
         belief.set_item("stop", risk.map(|risk| self.stop(py, answer, risk)).transpose()?)?;
         Ok(belief)
     }

@@ -10,6 +10,7 @@ use palpate_core::sensor::{
     SensorKnowledge, SensorParameters, StatedRanges, TaxelGrid, defaults,
 };
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 use crate::fault;
 
@@ -20,6 +21,8 @@ pub(crate) struct Known {
     pub(crate) description: SensorDescription,
     knowledge: SensorKnowledge,
     ranges: StatedRanges,
+    /// Name of the preset that it is.
+    preset: Option<String>,
 }
 
 impl Known {
@@ -39,6 +42,9 @@ impl Known {
     }
 }
 
+/// Arguments of the function that makes a sensor from a pickle.
+type Arguments<'py> = (Bound<'py, PyDict>,);
+
 /// A tactile array sensor.
 #[pyclass(frozen, module = "palpate._native")]
 pub(crate) struct Sensor {
@@ -51,10 +57,11 @@ impl Sensor {
         description: SensorDescription,
         knowledge: SensorKnowledge,
         ranges: StatedRanges,
+        preset: Option<String>,
     ) -> Self {
         static CREATED: AtomicU64 = AtomicU64::new(1);
         let id = SensorId(u128::from(CREATED.fetch_add(1, Ordering::Relaxed)));
-        Self { known: Arc::new(Known { id, description, knowledge, ranges }) }
+        Self { known: Arc::new(Known { id, description, knowledge, ranges, preset }) }
     }
 }
 
@@ -68,7 +75,7 @@ impl Sensor {
             let known = Preset::NAMES.join(", ");
             fault::of("name", format!("came {name:?}, expected one of {known}"))
         })?;
-        Ok(Self::known(description, level(knowledge)?, ranges))
+        Ok(Self::known(description, level(knowledge)?, ranges, Some(name.to_owned())))
     }
 
     /// The names of the presets.
@@ -119,7 +126,7 @@ impl Sensor {
             coupling: Coupling::default(),
         };
         let description = SensorDescription::new(parameters).map_err(|error| refuse(&error))?;
-        Ok(Self::known(description, level(knowledge)?, StatedRanges::default()))
+        Ok(Self::known(description, level(knowledge)?, StatedRanges::default(), None))
     }
 
     /// Number of rows of the image.
@@ -176,8 +183,71 @@ impl Sensor {
         self.known.description.contact_floor()
     }
 
+    /// How far the description is to be trusted: `measured`, `data_sheet` or `unknown`.
+    #[getter]
+    fn knowledge(&self) -> &'static str {
+        match self.known.knowledge {
+            SensorKnowledge::Measured => "measured",
+            SensorKnowledge::Unknown => "unknown",
+            _ => "data_sheet",
+        }
+    }
+
+    fn __eq__(&self, other: &Self) -> bool {
+        let (own, other) = (&self.known, &other.known);
+        own.description == other.description
+            && own.knowledge == other.knowledge
+            && own.preset == other.preset
+    }
+
+    fn __hash__(&self) -> u64 {
+        self.pitch().to_bits() ^ self.known.description.n_taxels() as u64
+    }
+
+    /// A pickle holds the arguments of `preset` or `grid`. What is read from it is equal, and a
+    /// sensor of its own.
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Arguments<'py>)> {
+        let (known, arguments) = (&self.known, PyDict::new(py));
+        arguments.set_item("knowledge", self.knowledge())?;
+        if let Some(name) = &known.preset {
+            arguments.set_item("name", name)?;
+        } else {
+            let parameters = known.description.parameters();
+            let SensorParameters { grid, image_order, .. } = parameters;
+            arguments.set_item("rows", grid.rows)?;
+            arguments.set_item("cols", grid.cols)?;
+            arguments.set_item("pitch", grid.pitch)?;
+            arguments.set_item("taxel_width", grid.taxel_width)?;
+            arguments.set_item("covering_thickness", parameters.covering_thickness)?;
+            arguments.set_item("point_spread", parameters.point_spread)?;
+            arguments.set_item("force_curve", parameters.force_curve.knots().to_vec())?;
+            arguments.set_item("saturation", parameters.saturation)?;
+            arguments.set_item("noise", parameters.noise)?;
+            arguments.set_item("quantisation", parameters.quantisation)?;
+            let ImageOrder { transposed, rows_reversed, cols_reversed } = *image_order;
+            let order = (transposed, rows_reversed, cols_reversed);
+            arguments.set_item("image_order", order)?;
+        }
+        Ok((py.import("palpate.local")?.getattr("sensor_of")?, (arguments,)))
+    }
+
     fn __repr__(&self) -> String {
-        format!("Sensor({}, pitch {:.2} mm)", self.known.description.n_taxels(), 1e3 * self.pitch())
+        let named = self.known.preset.as_ref().map(|name| format!("{name}, ")).unwrap_or_default();
+        let (n, pitch) = (self.known.description.n_taxels(), 1e3 * self.pitch());
+        format!("Sensor({named}{n} taxels, pitch {pitch:.2} mm, {})", self.knowledge())
+    }
+}
+
+/// The level of knowledge of a name.
+fn level(name: &str) -> PyResult<SensorKnowledge> {
+    match name {
+        "measured" => Ok(SensorKnowledge::Measured),
+        "data_sheet" => Ok(SensorKnowledge::DataSheet),
+        "unknown" => Ok(SensorKnowledge::Unknown),
+        found => {
+            let detail = format!("came {found:?}, expected measured, data_sheet or unknown");
+            Err(fault::of("knowledge", detail))
+        }
     }
 }
 

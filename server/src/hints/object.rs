@@ -1,12 +1,11 @@
 //! Warnings about trained objects: a probably wrong unit, or too few touches.
 
 use palpate_core::contact::touches;
+use palpate_core::plausible::{SIZE_LARGE, SIZE_SMALL, meant};
 use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::units::Shown;
 use palpate_schemas::{ObjectReport, SensorKnowledge, SkippedObject, Warning, WarningCode};
-
-use super::{SIZE_LARGE, SIZE_SMALL, meant};
 
 /// Number of touches below which an object's symmetry and much of its surface are unknown.
 /// Derived: the search for symmetries needs as many.

@@ -2,16 +2,10 @@
 
 use std::fmt;
 
+pub use palpate_core::plausible::{SIZE_LARGE, SIZE_SMALL};
 use palpate_core::units::{INCH, MM, Shown};
 
 use super::Mesh;
-
-/// Largest plausible size of an object, metres. Chosen: a door or a table is 2 m, and objects
-/// that robots touch are smaller.
-pub const SIZE_LARGE: f64 = 2.0;
-/// Smallest plausible size of an object, metres. Chosen: half the width of the smallest
-/// preset's array.
-pub const SIZE_SMALL: f64 = 0.005;
 
 /// Something remarkable about a body.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,8 +1,8 @@
 //! Estimation of the unit of pressures.
 
-use palpate_core::reading::TactileImage;
-use palpate_core::sensor::SensorDescription;
-use palpate_core::units::Shown;
+use crate::reading::TactileImage;
+use crate::sensor::SensorDescription;
+use crate::units::Shown;
 
 /// A unit that drivers send in place of pascal.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,7 +46,8 @@ fn units(max: f64, sensor: &SensorDescription) -> Vec<Unit> {
 }
 
 /// The probable units of values with maximum `max`, in words.
-pub(super) fn meant(max: f64, sensor: &SensorDescription) -> String {
+#[must_use]
+pub fn meant(max: f64, sensor: &SensorDescription) -> String {
     let units = units(max, sensor);
     let Some((likely, others)) = units.split_first() else {
         return "are the values in another unit than pascal?".to_owned();
