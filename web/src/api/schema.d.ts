@@ -1282,7 +1282,7 @@ export interface paths {
         };
         /**
          * Get a sensor as a package
-         * @description For a cell: the sensor with all its calibrations and passports, as they are stored.
+         * @description For a cell: the sensor with a page of its calibrations and passports, as they are stored.
          */
         get: operations["get_sensor_package"];
         put?: never;
@@ -3120,6 +3120,8 @@ export interface components {
              * @description The session's id.
              */
             session: string;
+            /** @description Probable mistakes in the readings, as when they are added directly. */
+            warnings?: components["schemas"]["Warning"][];
         };
         /** @description The explained answer. */
         ExplainedAnswer: {
@@ -4480,7 +4482,8 @@ export interface components {
              */
             feature?: number[] | null;
             /**
-             * @description Frame of the pose; if given, it must be the session's.
+             * @description Frame of the pose; if given, it must be the session's. Empty is none, and a leading slash is
+             *     left out, as ROS writes them.
              * @example base_link
              */
             frame_id?: string | null;
@@ -5336,12 +5339,19 @@ export interface components {
          * @enum {string}
          */
         SensorKnowledge: "measured" | "data_sheet" | "unknown" | "commissioned";
-        /** @description A sensor with its calibrations, to be fetched by a cell. */
+        /** @description A sensor with a page of its calibrations, to be fetched by a cell. */
         SensorPackage: {
             /** @description The stored records of its calibrations, the oldest first, in base64. */
             calibrations: string[];
+            /**
+             * Format: int32
+             * @description Number of its calibrations before those of this page.
+             */
+            first?: number;
             /** @description Name of the sensor. */
             name: string;
+            /** @description Cursor of the next page; null on the last page. */
+            next_cursor?: string | null;
             /** @description The sensor's stored record (`docs/formats.md`), in base64. */
             record: string;
         };
@@ -6086,6 +6096,11 @@ export interface components {
         /** @description A stored training reading. */
         StoredReading: {
             /**
+             * Format: double
+             * @description The free path to the pose in metres, as sent; 0 if not sent. No training uses it.
+             */
+            approach_m?: number;
+            /**
              * Format: int32
              * @description Number of the sensor calibration applied to the pressures; null if there was none.
              */
@@ -6532,7 +6547,7 @@ export interface components {
          * @description Kind of a warning.
          * @enum {string}
          */
-        WarningCode: "pressure_unit" | "pressure_low" | "not_tared" | "saturated" | "position_unit" | "position_far" | "sensor_shifted" | "image_order" | "sensor_changed" | "positions_apart" | "object_large" | "object_small" | "sizes_differ" | "few_touches" | "objects_skipped" | "contact_ignored" | "shear_ignored";
+        WarningCode: "pressure_unit" | "pressure_low" | "not_tared" | "saturated" | "position_unit" | "position_far" | "sensor_shifted" | "image_order" | "stamps_backwards" | "sensor_changed" | "positions_apart" | "object_large" | "object_small" | "sizes_differ" | "duplicate_objects" | "few_touches" | "knowledge_kept" | "objects_skipped" | "contact_ignored" | "motion_ignored" | "approach_ignored" | "shear_ignored";
         /** @description A receiver of events, without its secret. */
         Webhook: {
             /**
@@ -10044,7 +10059,7 @@ export interface operations {
                      *               -9.0369e-12,
                      *               -5.26235e-11
                      *             ],
-                     *             "sensor_knowledge": "measured",
+                     *             "sensor_knowledge": "data_sheet",
                      *             "surface": {
                      *               "bytes": 134634,
                      *               "n_pairs": 3993,
@@ -10077,7 +10092,7 @@ export interface operations {
                      *               -4.67374e-20,
                      *               -3.2565e-11
                      *             ],
-                     *             "sensor_knowledge": "measured",
+                     *             "sensor_knowledge": "data_sheet",
                      *             "surface": {
                      *               "bytes": 129052,
                      *               "n_pairs": 3879,
@@ -10091,7 +10106,7 @@ export interface operations {
                      *         ],
                      *         "seconds": 1.45622,
                      *         "seed": 3,
-                     *         "sensor_knowledge": "measured",
+                     *         "sensor_knowledge": "data_sheet",
                      *         "skipped": [],
                      *         "surface_bytes": 263686,
                      *         "uncalibrated_reason": null,
@@ -10122,7 +10137,7 @@ export interface operations {
                      *         "readings_per_object": 100,
                      *         "seed": 3,
                      *         "sensor": "01a216ae-5244-75cb-a116-ff15aaa1169e",
-                     *         "sensor_knowledge": "measured",
+                     *         "sensor_knowledge": "data_sheet",
                      *         "strict": false,
                      *         "surface": true,
                      *         "surface_readings_per_object": 100,
@@ -10481,7 +10496,7 @@ export interface operations {
                      *         "readings_per_object": 400,
                      *         "seed": 7,
                      *         "sensor": "01a216ae-5244-75cb-a116-ff15aaa1169e",
-                     *         "sensor_knowledge": "measured",
+                     *         "sensor_knowledge": "data_sheet",
                      *         "strict": false,
                      *         "surface": true,
                      *         "surface_readings_per_object": 400,
@@ -10807,7 +10822,7 @@ export interface operations {
                      *                   -9.0369e-12,
                      *                   -5.26235e-11
                      *                 ],
-                     *                 "sensor_knowledge": "measured",
+                     *                 "sensor_knowledge": "data_sheet",
                      *                 "surface": {
                      *                   "bytes": 443600,
                      *                   "n_pairs": 64375,
@@ -10830,7 +10845,7 @@ export interface operations {
                      *                   -4.67374e-20,
                      *                   -3.2565e-11
                      *                 ],
-                     *                 "sensor_knowledge": "measured",
+                     *                 "sensor_knowledge": "data_sheet",
                      *                 "surface": {
                      *                   "bytes": 409566,
                      *                   "n_pairs": 63111,
@@ -10844,7 +10859,7 @@ export interface operations {
                      *             ],
                      *             "seconds": 2.70141,
                      *             "seed": 7,
-                     *             "sensor_knowledge": "measured",
+                     *             "sensor_knowledge": "data_sheet",
                      *             "skipped": [],
                      *             "surface_bytes": 853166,
                      *             "uncalibrated_reason": null,
@@ -10861,7 +10876,7 @@ export interface operations {
                      *             "readings_per_object": 400,
                      *             "seed": 7,
                      *             "sensor": "01a216ae-5244-75cb-a116-ff15aaa1169e",
-                     *             "sensor_knowledge": "measured",
+                     *             "sensor_knowledge": "data_sheet",
                      *             "strict": false,
                      *             "surface": true,
                      *             "surface_readings_per_object": 400,
@@ -11088,7 +11103,7 @@ export interface operations {
                      *               -9.0369e-12,
                      *               -5.26235e-11
                      *             ],
-                     *             "sensor_knowledge": "measured",
+                     *             "sensor_knowledge": "data_sheet",
                      *             "surface": {
                      *               "bytes": 443600,
                      *               "n_pairs": 64375,
@@ -11111,7 +11126,7 @@ export interface operations {
                      *               -4.67374e-20,
                      *               -3.2565e-11
                      *             ],
-                     *             "sensor_knowledge": "measured",
+                     *             "sensor_knowledge": "data_sheet",
                      *             "surface": {
                      *               "bytes": 409566,
                      *               "n_pairs": 63111,
@@ -11125,7 +11140,7 @@ export interface operations {
                      *         ],
                      *         "seconds": 2.70141,
                      *         "seed": 7,
-                     *         "sensor_knowledge": "measured",
+                     *         "sensor_knowledge": "data_sheet",
                      *         "skipped": [],
                      *         "surface_bytes": 853166,
                      *         "uncalibrated_reason": null,
@@ -11142,7 +11157,7 @@ export interface operations {
                      *         "readings_per_object": 400,
                      *         "seed": 7,
                      *         "sensor": "01a216ae-5244-75cb-a116-ff15aaa1169e",
-                     *         "sensor_knowledge": "measured",
+                     *         "sensor_knowledge": "data_sheet",
                      *         "strict": false,
                      *         "surface": true,
                      *         "surface_readings_per_object": 400,
@@ -13532,7 +13547,7 @@ export interface operations {
                      *             -9.0369e-12,
                      *             -5.26235e-11
                      *           ],
-                     *           "sensor_knowledge": "measured",
+                     *           "sensor_knowledge": "data_sheet",
                      *           "surface": {
                      *             "bytes": 443600,
                      *             "n_pairs": 64375,
@@ -13555,7 +13570,7 @@ export interface operations {
                      *             -4.67374e-20,
                      *             -3.2565e-11
                      *           ],
-                     *           "sensor_knowledge": "measured",
+                     *           "sensor_knowledge": "data_sheet",
                      *           "surface": {
                      *             "bytes": 409566,
                      *             "n_pairs": 63111,
@@ -13569,7 +13584,7 @@ export interface operations {
                      *       ],
                      *       "seconds": 2.70141,
                      *       "seed": 7,
-                     *       "sensor_knowledge": "measured",
+                     *       "sensor_knowledge": "data_sheet",
                      *       "skipped": [],
                      *       "surface_bytes": 853166,
                      *       "uncalibrated_reason": null,
@@ -15743,7 +15758,7 @@ export interface operations {
                      *             "readings_per_object": 400,
                      *             "seed": 7,
                      *             "sensor": "01a216ae-5244-75cb-a116-ff15aaa1169e",
-                     *             "sensor_knowledge": "measured",
+                     *             "sensor_knowledge": "data_sheet",
                      *             "strict": false,
                      *             "surface": true,
                      *             "surface_readings_per_object": 400,
@@ -15942,7 +15957,7 @@ export interface operations {
                      *         "readings_per_object": 400,
                      *         "seed": 7,
                      *         "sensor": "01a216ae-5244-75cb-a116-ff15aaa1169e",
-                     *         "sensor_knowledge": "measured",
+                     *         "sensor_knowledge": "data_sheet",
                      *         "strict": false,
                      *         "surface": true,
                      *         "surface_readings_per_object": 400,
@@ -16325,7 +16340,7 @@ export interface operations {
                      *         "readings_per_object": 20000,
                      *         "seed": 1,
                      *         "sensor": "01a216ae-5244-75cb-a116-ff15aaa1169e",
-                     *         "sensor_knowledge": "measured",
+                     *         "sensor_knowledge": "data_sheet",
                      *         "strict": false,
                      *         "surface": true,
                      *         "surface_readings_per_object": 20000,
@@ -21882,7 +21897,37 @@ export interface operations {
                      *             "noise": 100,
                      *             "point_spread": 0.00348238,
                      *             "quantisation": 78.125,
-                     *             "ranges": null,
+                     *             "ranges": {
+                     *               "cross_talk": {
+                     *                 "high": 0.15,
+                     *                 "low": 0
+                     *               },
+                     *               "edges": [
+                     *                 "continues",
+                     *                 "conserves_force",
+                     *                 "loses_force"
+                     *               ],
+                     *               "kernels": [
+                     *                 "gaussian",
+                     *                 "exponential"
+                     *               ],
+                     *               "margin": {
+                     *                 "high": 0.008,
+                     *                 "low": 0
+                     *               },
+                     *               "spread_factor": {
+                     *                 "high": 1.4,
+                     *                 "low": 0.3
+                     *               },
+                     *               "stiffening": {
+                     *                 "high": 1.5,
+                     *                 "low": 0
+                     *               },
+                     *               "stiffness": {
+                     *                 "high": 2,
+                     *                 "low": 0.5
+                     *               }
+                     *             },
                      *             "saturation": 20000,
                      *             "taxels": null
                      *           },
@@ -21892,7 +21937,7 @@ export interface operations {
                      *           "name": "digitacts-6x6",
                      *           "passport": null,
                      *           "preset": "digitacts-6x6",
-                     *           "sensor_knowledge": "measured"
+                     *           "sensor_knowledge": "data_sheet"
                      *         },
                      *         {
                      *           "calibration": null,
@@ -21931,7 +21976,37 @@ export interface operations {
                      *             "noise": 100,
                      *             "point_spread": 0.00272495,
                      *             "quantisation": 78.125,
-                     *             "ranges": null,
+                     *             "ranges": {
+                     *               "cross_talk": {
+                     *                 "high": 0.15,
+                     *                 "low": 0
+                     *               },
+                     *               "edges": [
+                     *                 "continues",
+                     *                 "conserves_force",
+                     *                 "loses_force"
+                     *               ],
+                     *               "kernels": [
+                     *                 "gaussian",
+                     *                 "exponential"
+                     *               ],
+                     *               "margin": {
+                     *                 "high": 0.008,
+                     *                 "low": 0
+                     *               },
+                     *               "spread_factor": {
+                     *                 "high": 1.4,
+                     *                 "low": 0.3
+                     *               },
+                     *               "stiffening": {
+                     *                 "high": 1.5,
+                     *                 "low": 0
+                     *               },
+                     *               "stiffness": {
+                     *                 "high": 2,
+                     *                 "low": 0.5
+                     *               }
+                     *             },
                      *             "saturation": 20000,
                      *             "taxels": null
                      *           },
@@ -21941,7 +22016,7 @@ export interface operations {
                      *           "name": "digitacts-6x6-thin",
                      *           "passport": null,
                      *           "preset": "digitacts-6x6-thin",
-                     *           "sensor_knowledge": "measured"
+                     *           "sensor_knowledge": "data_sheet"
                      *         }
                      *       ],
                      *       "next_cursor": "01a216ae524571a4a0e2c92c4ac41c09"
@@ -25473,7 +25548,12 @@ export interface operations {
     };
     get_sensor_package: {
         parameters: {
-            query?: never;
+            query?: {
+                /** @description Maximum number of items, 1 to 1000. Default: 100. */
+                limit?: number;
+                /** @description The `next_cursor` of the previous page, passed back unchanged. */
+                cursor?: string;
+            };
             header?: never;
             path: {
                 /**
@@ -25497,7 +25577,9 @@ export interface operations {
                      *       "calibrations": [
                      *         "UExQVA8AAwAAAAAADAEAALNRVPQBohktKTR0Kag41uLgbCWrAQAAAAEBAAAAAAAAgPFJXEGAZmZmZjZlQA7TMIATju4//BZAk5kodEAAAAAAAADwP04BN/pjNGE9DAAAAAYAAAAAAAAAAQAAAMDN58CamZmZmaFpQAAAAAAAAPA/AQAAAAAAAACrYl9BAJqZmZmZE0AAAAAAAADwPwAAAAACAACAZkBgQUD/////v09AAAAAAAAA8D8AAAAAAQAAgArGWEEgMzMzM0ttQAAAAAAAAPA/AAAAAAEAAIBDflhByMzMzMyAd0AAAAAAAADwPwAAAAAAAACAG1VZQQgAAAAAXHVAAAAAAAAA8D8CAAAABAAAAABIKS0ZogEAAAAA"
                      *       ],
+                     *       "first": 0,
                      *       "name": "left-finger",
+                     *       "next_cursor": null,
                      *       "record": "UExQVAIABAAAAAAA4QAAANyc5oEBohktKTR0Kag41uLgbCWrCwAAAAAAAABsZWZ0LWZpbmdlcgACAAAAAwAAAPyp8dJNYmA/kst/SL99XT8fotEdxM5kPyJQ/YNIhmw/AgAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAH6LRHcTOZD8AAAAAAIjTQAAAAAAAiNNAAAAAAAAAWUAAAAAAAIhTQAABAAA0KS0ZogEAAAAB/Knx0k1iUD8CAAAAAAAAAACamZmZmZmpPwAAAAAAAAAAAQAAAAAAAAAAAQAAAAAAAAAEAAAAAAAAAGNlbGwBAAAAAAAAADM="
                      *     }
                      */
@@ -25559,6 +25641,31 @@ export interface operations {
                      *       "status": 404,
                      *       "title": "Not found",
                      *       "type": "urn:palpate:problem:not-found"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A value is invalid; `errors` names it */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *       "errors": [
+                     *         {
+                     *           "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *           "pointer": "/readings/0/pose/orientation"
+                     *         }
+                     *       ],
+                     *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 422,
+                     *       "title": "Invalid value",
+                     *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
@@ -28450,7 +28557,8 @@ export interface operations {
                      * @example {
                      *       "n_new": 2,
                      *       "revision": 2,
-                     *       "session": "01890a5d-ac96-774b-bcce-b302099a8059"
+                     *       "session": "01890a5d-ac96-774b-bcce-b302099a8059",
+                     *       "warnings": []
                      *     }
                      */
                     "application/json": components["schemas"]["EntriesForwarded"];
