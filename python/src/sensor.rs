@@ -251,19 +251,6 @@ fn level(name: &str) -> PyResult<SensorKnowledge> {
     }
 }
 
-/// The level of knowledge of a name.
-fn level(name: &str) -> PyResult<SensorKnowledge> {
-    match name {
-        "measured" => Ok(SensorKnowledge::Measured),
-        "data_sheet" => Ok(SensorKnowledge::DataSheet),
-        "unknown" => Ok(SensorKnowledge::Unknown),
-        found => {
-            let detail = format!("came {found:?}, expected measured, data_sheet or unknown");
-            Err(fault::of("knowledge", detail))
-        }
-    }
-}
-
 /// The error of a description, at its argument.
 fn refuse(error: &SensorError) -> PyErr {
     let argument = match error {
