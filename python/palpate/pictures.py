@@ -51,15 +51,13 @@ def _image(image: npt.NDArray[np.float64], largest: float) -> str:
 
 
 def _shade(share: float) -> str:
-    if not share == share:
+    if share != share:
         return "#d33"
     light = round(245 - 215 * min(max(share, 0.0), 1.0))
     return f"rgb({light},{light},{min(255, light + 20)})"
 
 
-def mesh(
-    vertices: npt.NDArray[np.float64], faces: npt.NDArray[np.int64], title: str
-) -> str:
+def mesh(vertices: npt.NDArray[np.float64], faces: npt.NDArray[np.int64], title: str) -> str:
     """A drawing of a mesh from above the corner, with its size."""
     return f"<div>{_drawing(vertices, faces)}<br>{escape(title)}</div>"
 

@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import palpate
 import pytest
+
+import palpate
 from palpate import AsyncClient, Client, ClosedClientError, Pose, Readings, local
 
-GRID = {
+GRID: dict[str, Any] = {
     "pitch": 0.002,
     "taxel_width": 0.0018,
     "covering_thickness": 0.003,
@@ -39,7 +40,17 @@ def values(catalogue: local.Catalogue) -> list[Any]:
     belief = local.Recognition(catalogue).add(sensor, readings)
     grid = local.Sensor.grid(4, 5, **GRID, image_order=(False, True, False))
     unknown = local.Sensor.preset("digitacts-6x6", knowledge="unknown")
-    return [mesh, sensor, grid, unknown, readings, readings[0], belief, belief.poses[0], Pose.of(np.eye(4))]
+    return [
+        mesh,
+        sensor,
+        grid,
+        unknown,
+        readings,
+        readings[0],
+        belief,
+        belief.poses[0],
+        Pose.of(np.eye(4)),
+    ]
 
 
 def test_every_value_is_equal_to_its_copies(catalogue: local.Catalogue) -> None:
