@@ -32,7 +32,7 @@ class SymmetryAxis(Value):
     """Number of turns that look alike; None for all."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Hypothesis(Value):
     """A likely pose of one object. Do not average hypotheses."""
 
@@ -48,6 +48,10 @@ class Hypothesis(Value):
     symmetry: list[SymmetryAxis]
     id: str | None
     """Id of the object on the server."""
+
+    def __repr__(self) -> str:
+        """The object, its weight and its pose in a line."""
+        return f"Hypothesis({self.name} {self.weight:.1%}, {self.session_from_model!r})"
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from palpate.pose import FloatArray, Pose, PoseLike, poses_array
 from palpate.values import Value
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Reading(Value):
     """One press."""
 
@@ -22,6 +22,9 @@ class Reading(Value):
     """`session_from_sensor`."""
     image: FloatArray
     """Taxels, pascal, as the driver sends them; NaN for a missing taxel."""
+
+    def __repr__(self) -> str:
+        return f"Reading({self.image.size} taxels, {self.pose!r})"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
