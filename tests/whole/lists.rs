@@ -205,10 +205,10 @@ async fn no_list_of_a_request_grows_beyond_its_bound() {
             }
         }
     }
+    let grown = memory_kib(serving.process(), "VmHWM").unwrap() - before;
     let path = "/v1/sessions/x/readings";
     let (status, answer) = send(Method::POST, path, MSGPACK, full_images()).await;
     assert_eq!(status, StatusCode::PAYLOAD_TOO_LARGE, "{answer}");
-    let grown = memory_kib(serving.process(), "VmHWM").unwrap() - before;
     assert!(faults.is_empty(), "{} of {n}: {faults:#?}", faults.len());
     assert!(grown <= ROOM_KIB, "{n} bodies: {grown} KiB more");
     assert!(n > 1000, "{n} bodies");

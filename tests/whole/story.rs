@@ -13,7 +13,7 @@ use palpate_core::sensor::SensorDescription;
 use palpate_core::units::MM;
 use palpate_schemas::{
     AppearanceTraining, Belief, BeliefQuery, CreateObject, CreateSession, JobState, MeshFormat,
-    MeshUnit, Method, PageQuery, StartTraining,
+    MeshUnit, Method, PageQuery, SensorKnowledge, StartTraining,
 };
 use palpate_server::{Config, Server};
 use palpate_sim::press::PressSimulator;
@@ -48,6 +48,8 @@ async fn train(client: &Client) {
         assert!(report.warnings.is_empty(), "{report:?}");
     }
     let training = StartTraining {
+        // The readings are of the described sensor.
+        sensor_knowledge: Some(SensorKnowledge::Measured),
         readings_per_object: Some(500),
         seed: Some(1),
         appearance: Some(AppearanceTraining::default()),

@@ -159,6 +159,7 @@ fn invented_values_leave_metrics_and_memory_as_before() {
     let key = std::fs::read_to_string(folder.path().join("admin.key")).unwrap();
     // Every kind of request once for each caller, several times: caches and pools are filled.
     send(&address, &requests(0, 10 * PLACES.len(), key.trim()));
+    state(&serving, &address);
     let (series, memory) = state(&serving, &address);
     send(&address, &requests(N, N, key.trim()));
     let (series_after, memory_after) = state(&serving, &address);

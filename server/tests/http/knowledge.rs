@@ -161,6 +161,8 @@ async fn a_catalogue_trained_anew_keeps_its_level_and_says_so() {
     assert_eq!(level, "measured");
     assert!(detail.unwrap().contains("version 1"));
     // An extension, too.
+    it.post("/v1/objects", &json!({"name": "bar"})).await.expect(201);
+    it.put_mesh("bar", &off_box(BAR)).await.expect(200);
     train(&it, "old", json!({"extend": 2, "readings_per_object": 40})).await;
     assert!(kept(3).await.1.unwrap().contains("version 2"));
     // The request decides, and then nothing is to be said.

@@ -93,7 +93,15 @@ pub(crate) async fn belief_bytes(it: &Harness) -> usize {
     let checks = ready["checks"].as_array().unwrap();
     let memory = checks.iter().find(|check| check["name"] == "memory").unwrap();
     let detail = memory["detail"].as_str().unwrap();
-    let found = detail.split(' ').find_map(|word| word.parse().ok());
+    let words: Vec<&str> = detail.split(' ').collect();
+    let bytes = |pair: &[&str]| {
+        let number: f64 = pair[0].parse().ok()?;
+        let units = ["B", "kB", "MB", "GB"];
+        let power = units.iter().position(|unit| pair[1].starts_with(unit))?;
+        Some((number * 1000_f64.powi(power as i32)) as usize)
+    };
+    // "B" begins none of the others.
+    let found = words.windows(2).find_map(bytes);
     found.unwrap_or_else(|| panic!("no number in {detail}"))
 }
 

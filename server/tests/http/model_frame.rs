@@ -36,7 +36,8 @@ async fn train(it: &Harness, training_from_brick: Pose) {
     it.post("/v1/objects", &json!({"name": "brick"})).await.expect(201);
     let readings = touches(BRICK, 300, 5, training_from_brick);
     it.post("/v1/objects/brick/readings", &json!({"readings": readings})).await.expect(200);
-    let training = json!({"readings_per_object": 300, "n_classes": 8, "seed": 3});
+    let training = json!({"readings_per_object": 300, "n_classes": 8, "seed": 3,
+        "sensor_knowledge": "measured"});
     let job = it.post("/v1/catalogues/default/trainings", &training).await.expect(202);
     let job = it.finished(job["id"].as_str().unwrap()).await;
     assert_eq!(job["state"], "succeeded", "{job}");

@@ -19,7 +19,8 @@ async fn train(it: &Harness) -> Value {
         it.post("/v1/objects", &json!({"name": name})).await.expect(201);
         it.put_mesh(name, &off_box(size)).await.expect(200);
     }
-    let training = json!({"readings_per_object": 500, "n_classes": 8, "seed": 3});
+    let training = json!({"readings_per_object": 500, "n_classes": 8, "seed": 3,
+        "sensor_knowledge": "measured"});
     let job = it.post("/v1/catalogues/default/trainings", &training).await.expect(202);
     let job = it.finished(job["id"].as_str().unwrap()).await;
     assert_eq!(job["state"], "succeeded", "{job}");

@@ -60,7 +60,10 @@ async fn a_number_shared_by_two_readings_is_named() {
         let other = json!({"readings": [reading(1, 0.1), reading(2, 0.1), reading(1, 0.2)]});
         let refused = it.post(&path, &other).await;
         let refused = refused.problem(422, "invalid-value", Some("/readings/2/seq"));
-        assert!(detail(&refused, "/readings/0/seq").contains("readings 0 and 2"), "{refused}");
+        assert!(
+            detail(&refused, "/readings/0/seq").contains("/readings/0 and /readings/2"),
+            "{refused}"
+        );
         let same = json!({"readings": [reading(1, 0.1), reading(1, 0.1)]});
         let added = it.post(&path, &same).await.expect(200);
         let counts = [&added["n_new"], &added["n_repeated"], &added["n_readings"]];
@@ -78,7 +81,10 @@ async fn meshes_accept_four_units_and_report_their_format() {
         it.send(Method::PUT, &path, Some((content_type, file()))).await
     };
     let missing = put("", "model/off").await.problem(422, "invalid-value", Some("?unit"));
-    assert_eq!(detail(&missing, "?unit"), "is missing, expected m, cm, mm or in");
+    assert_eq!(
+        detail(&missing, "?unit"),
+        "the unit is missing, expected m, mm, cm or in: OFF does not record it"
+    );
     for (unit, metres) in [("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("in", 25.4e-3)] {
         let report = put(&format!("?unit={unit}"), "model/off").await.expect(200);
         assert_eq!(report["mesh"]["unit"], unit);
