@@ -222,7 +222,7 @@ impl Config {
             training_threads: n_cores.saturating_sub(1).max(1),
             training_queue_max: 32,
             training_time_max: Duration::from_secs(86_400),
-            training_memory_bytes_max: 400_000_000,
+            training_memory_bytes_max: 2_000_000_000,
             model_memory_bytes_max: 1_000_000_000,
             belief_memory_bytes_max: 500_000_000,
             beliefs_in_memory_max: 1024,

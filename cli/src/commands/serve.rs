@@ -238,7 +238,7 @@ pub(crate) struct ServeArgs {
         long,
         env = "PALPATE_TRAINING_MEMORY_MB",
         value_name = "MB",
-        default_value_t = 400,
+        default_value_t = 2000,
         value_parser = clap::value_parser!(u64).range(1..=1_000_000)
     )]
     training_memory_mb: u64,

@@ -266,7 +266,7 @@ async fn set_the_scene(
         })
         .collect();
     kill::set_up(command, data, &mut robots, &http, Access::Keys).await?;
-    let more = ["--session-ttl-s", "30", "--webhook-allow-private"];
+    let more = ["--session-ttl-s", "30", "--webhook-allow-private", "--training-memory-mb", "400"];
     let serving = match Serving::start_within(command, data, Access::Keys, MEMORY_KIB, &more)? {
         Ok(serving) => serving,
         Err(refused) => bail!("the server does not start: {}", refused.0),
