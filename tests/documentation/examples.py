@@ -33,7 +33,11 @@ LINES_MAX = 12
 WAIT_S_MAX = 120
 NO_SECRETS = {"palpate": f"palpate_{32 * '0'}_{64 * '0'}", "whsec": f"whsec_{43 * 'A'}="}
 """Stand for the secrets of keys and webhooks in recorded answers, by how those begin."""
-NO_EXAMPLE = {"model/stl", "model/obj", "model/ply", "model/off", "image/png", "application/octet-stream"}
+NO_EXAMPLE = {
+    *(f"model/{kind}" for kind in ("stl", "obj", "ply", "off", "gltf-binary", "3mf")),
+    "image/png",
+    "application/octet-stream",
+}
 """Files: their bytes are no example."""
 
 
