@@ -32,6 +32,10 @@ const INTERIM: &[u8] = b"HTTP/1.1 100 Continue\r\n\r\n";
 const INTERIM_AFTER: [Duration; 3] =
     [Duration::from_millis(150), Duration::from_millis(200), Duration::from_millis(300)];
 
+/// Time between two looks whether a body has been read whose client has closed its direction.
+/// Chosen: short beside the first interim answer.
+const BODY_LOOK: Duration = Duration::from_millis(20);
+
 /// Pause of an answer, in which nothing is written, after which a client that has closed its
 /// direction counts as gone.
 const QUIET: Duration = Duration::from_secs(2);
@@ -236,6 +240,11 @@ impl<T: AsyncWrite + Unpin> Paced<T> {
             Phase::Answer { interim: true } => {}
             Phase::Answer { interim: false } => {
                 return !self.awaited.poll(since.max(self.written) + QUIET, context);
+            }
+            // The whole body may be here, and not yet be read by its request.
+            Phase::Body if now < since + self.pace.patience.body => {
+                let _ = self.awaited.poll(now + BODY_LOOK, context);
+                return true;
             }
             _ => return false,
         }
