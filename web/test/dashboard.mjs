@@ -106,7 +106,8 @@ await step("a training is started, and its progress followed", async () => {
 await step("an object shows its surface, classes, what a touch tells and its map of contact", async () => {
   await page.getByRole("link", { name: "mug", exact: true }).click();
   await page.locator('.stage[data-state="ready"]').waitFor();
-  await page.getByText("200 touches").waitFor();
+  // A touch in a hundred may touch nothing.
+  await page.getByText(/^(19\d|200) touches$/).waitFor();
   await page.getByRole("button", { name: "Appearance classes" }).click();
   await page.getByText(/classes of 25 here/).waitFor();
   const tells = page.getByRole("button", { name: "What a touch tells" });
