@@ -170,6 +170,8 @@ await step("the session explains itself, and says that nothing is left to learn"
   await page.getByText("Nothing left to learn").waitFor();
   await page.locator(".strip button").nth(3).click();
   await page.locator(".explain .chosen").waitFor();
+  // A part that is loading is pale.
+  await page.waitForFunction(() => document.querySelector(".stale") === null);
   await page.waitForTimeout(500);
   await checkAxe(page, "a session");
   await shot("session", true);
