@@ -124,7 +124,8 @@ fn readings_in_any_order_give_one_belief() {
 #[cfg(target_os = "linux")]
 #[test]
 fn attackers_harm_no_honest_robot_and_hold_nothing() {
-    let counts = torture(&["hostile", "--seconds", "1", "--seed", "101", "--json"]);
+    let counts =
+        torture(&["hostile", "--seconds", "1", "--seed", "101", "--review", "1", "--json"]);
     let number = |name: &str| counts[name].as_u64().unwrap();
     for fault in ["honest_refused", "attacks_that_worked", "held_after_60_s"] {
         assert_eq!(number(fault), 0, "{fault}: {counts}");

@@ -129,7 +129,7 @@ pub(crate) async fn run(
     tokio::time::sleep(Duration::from_secs(u64::from(args.seconds * BASELINE))).await;
 
     let Attacked { mut told, windows, mut faults } =
-        attack_in_turn(&admin, &url, &mut foes, &prey, &log, args.seconds, say).await;
+        attack_in_turn(&admin, &url, &mut foes, &prey, &log, args, say).await;
     log.end();
     for robot in robots {
         robot.await.context("a robot panicked")?;
@@ -198,13 +198,14 @@ async fn attack_in_turn(
     foes: &mut [Foe],
     prey: &Prey,
     log: &Log,
-    seconds: u32,
+    args: &Args,
     say: &dyn Fn(String),
 ) -> Attacked {
+    let seconds = args.seconds;
     let mut told = Vec::new();
     let mut windows = Vec::new();
     let mut faults = Vec::new();
-    for what in Attack::ALL {
+    for what in Attack::ALL.into_iter().filter(|what| what.is_of(args.review)) {
         windows.push(log.next_window());
         let (name, finding) = what.name();
         for foe in foes.iter_mut() {
@@ -212,9 +213,10 @@ async fn attack_in_turn(
             foe.attempts = 0.into();
         }
         let metrics_before = metrics_bytes(admin, url).await;
+        let viewer_key = foes[0].viewer_key.clone();
         let attacking = foes.iter().map(|foe| attack(what, foe, prey));
         let attacking = futures::future::join_all(attacking);
-        let looked = looking(&prey.set.trainer_key, url, seconds);
+        let looked = looking(&viewer_key, url, seconds);
         let (worked, viewer_longest_ms) = futures::join!(attacking, looked);
         let mut worked: Vec<String> = worked.concat();
         let grown = metrics_bytes(admin, url).await.saturating_sub(metrics_before);
@@ -222,7 +224,8 @@ async fn attack_in_turn(
             worked.push(format!("the metrics grew by {grown} bytes"));
         }
         if what == Attack::WashedOutbox {
-            worked.extend(second::outbox(&prey.set.heard).await);
+            let heard = prey.set.as_ref().map(|set| second::outbox(&set.heard));
+            worked.extend(futures::future::OptionFuture::from(heard).await.unwrap_or_default());
         }
         let attempts = foes.iter_mut().map(|foe| *foe.attempts.get_mut()).sum();
         say(format!("{name}: {attempts} attempts, {} worked", worked.len()));
@@ -285,8 +288,12 @@ async fn set_the_scene(
         };
         foes.push(Foe::new(number, &url, stolen)?);
     }
-    let trainer_key = key(&admin, &url, "learner", "trainer").await?;
-    let set = second::set(&admin, trainer_key, &url, &material.indentations).await?;
+    let set = if args.review == Some(1) {
+        None
+    } else {
+        let trainer_key = key(&admin, &url, "learner", "trainer").await?;
+        Some(second::set(&admin, trainer_key, &url, &material.indentations).await?)
+    };
     let long_session = teach(&teacher, &toucher, &url, material).await?;
     let refused = client_with(&foes[0].viewer_key)?;
     send(&refused, Method::DELETE, format!("{url}/v1/objects/{}", verdicts::EVIDENCE), None).await;

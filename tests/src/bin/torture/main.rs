@@ -59,6 +59,9 @@ struct Args {
     /// With `hostile`: seconds of each attack.
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=600))]
     seconds: u32,
+    /// With `hostile`: only the attacks of this review.
+    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=2))]
+    review: Option<u8>,
     /// The command under test; built by cargo if not given.
     #[arg(long, value_name = "FILE")]
     palpate: Option<PathBuf>,

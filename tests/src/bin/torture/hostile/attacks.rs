@@ -95,6 +95,11 @@ impl Attack {
         Self::WideStreams,
     ];
 
+    /// Whether the attack is of a review; of any without one.
+    pub(super) fn is_of(self, review: Option<u8>) -> bool {
+        review.is_none_or(|review| self.name().1.starts_with("2.") == (review == 2))
+    }
+
     /// The name in the report, and the number of the finding.
     pub(super) fn name(self) -> (&'static str, &'static str) {
         match self {
@@ -135,7 +140,7 @@ pub(super) struct Prey {
     /// Touches of all objects, which no single object explains.
     pub(super) touches: Vec<Value>,
     /// What the attacks of the second review need.
-    pub(super) set: second::Set,
+    pub(super) set: Option<second::Set>,
 }
 
 /// Attacks until the time is over. Returns requests that should have been refused and were not.

@@ -155,8 +155,9 @@ pub(super) async fn many_addresses(foe: &Foe) -> Vec<String> {
 
 /// Forwards readings in the name of other keys' robots, and sessions of times to come.
 pub(super) async fn forwarded(foe: &Foe, prey: &Prey) -> Vec<String> {
+    let Some(set) = &prey.set else { return Vec::new() };
     let mut worked = Vec::new();
-    let body = json!({"cell": format!("foe-{}", foe.number), "version_hash": prey.set.version_hash,
+    let body = json!({"cell": format!("foe-{}", foe.number), "version_hash": set.version_hash,
         "session": {"catalogue": "default", "version": 1}});
     let mut turn = usize::from(foe.number);
     while foe.goes_on() {
@@ -185,11 +186,12 @@ pub(super) async fn forwarded(foe: &Foe, prey: &Prey) -> Vec<String> {
 
 /// Makes decisions, each of which is an event for the webhooks, beside a training whose end is one.
 pub(super) async fn washed_outbox(foe: &Foe, prey: &Prey) -> Vec<String> {
+    let Some(set) = &prey.set else { return Vec::new() };
     if foe.number == 0 {
         let training = json!({"objects": ["cube", "bar"], "readings_per_object": 60,
             "n_classes": 8, "seed": 5});
         let path = format!("{}/v1/catalogues/washed/trainings", foe.url);
-        send(&prey.set.trainer, Method::POST, path, Some(&training)).await;
+        send(&set.trainer, Method::POST, path, Some(&training)).await;
     }
     let session = json!({"catalogue": "default", "risk": 0.4});
     let body = json!({ "readings": prey.touches[..8] });
@@ -212,18 +214,18 @@ pub(super) async fn packages(foe: &Foe) -> Vec<String> {
 
 /// Requests a training whose readings take more memory than the server has.
 pub(super) async fn large_training(foe: &Foe, prey: &Prey) -> Vec<String> {
+    let Some(set) = &prey.set else { return Vec::new() };
     let mut worked = Vec::new();
     let path = format!("/v1/catalogues/huge-{}/trainings", foe.number);
-    let training = json!({"objects": ["cube", "bar"], "sensor": prey.set.large_sensor,
+    let training = json!({"objects": ["cube", "bar"], "sensor": set.large_sensor,
         "readings_per_object": 20_000, "seed": 1});
     while foe.goes_on() {
         foe.count();
-        let asked =
-            send(&prey.set.trainer, Method::POST, format!("{}{path}", foe.url), Some(&training));
+        let asked = send(&set.trainer, Method::POST, format!("{}{path}", foe.url), Some(&training));
         if let Outcome::Done(job) = asked.await {
             worked.push(format!("was taken: {job}"));
             let job = format!("{}/v1/jobs/{}/cancel", foe.url, job["id"].as_str().unwrap_or(""));
-            send(&prey.set.trainer, Method::POST, job, None).await;
+            send(&set.trainer, Method::POST, job, None).await;
         }
         tokio::time::sleep(Duration::from_millis(200)).await;
     }
@@ -253,7 +255,6 @@ pub(super) async fn wide_streams(foe: &Foe, prey: &Prey) -> Vec<String> {
 /// Everything that these attacks need before they begin.
 pub(super) struct Set {
     pub(super) trainer: Client,
-    pub(super) trainer_key: String,
     pub(super) large_sensor: String,
     pub(super) version_hash: String,
     /// Whether the receiver of webhooks heard of the training in `washed`.
@@ -280,7 +281,7 @@ pub(super) async fn set(
     let pad = json!({"name": PAD, "preset": "digitacts-6x6"});
     post(&trainer, "/v1/sensors".to_owned(), pad).await?;
     for _ in 0..CALIBRATIONS {
-        let path = format!("/v1/sensors/{PAD}/calibrations");
+        let path = format!("/v1/sensors/{PAD}/calibration");
         post(&trainer, path, indentations.clone()).await?;
     }
     let large = json!({"name": "wide-skin", "description": {"grid": {"rows": 64, "cols": 64,
@@ -298,7 +299,6 @@ pub(super) async fn set(
     post(admin, "/v1/webhooks".to_owned(), webhook).await?;
     Ok(Set {
         trainer,
-        trainer_key,
         large_sensor: large["name"].as_str().unwrap_or_default().to_owned(),
         version_hash: package["hash"].as_str().unwrap_or_default().to_owned(),
         heard,
