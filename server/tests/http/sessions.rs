@@ -225,14 +225,12 @@ async fn events_contain_beliefs_and_the_end() {
         seen += std::str::from_utf8(&both.chunk().await.unwrap().unwrap()).unwrap();
     }
     assert!(seen.contains("event: closed"));
-    // Both have ended, and so does their stream.
     while both.chunk().await.unwrap().is_some() {}
     let missing = it.get("/v1/events?sessions=").await;
     missing.problem(422, "invalid-value", Some("?sessions"));
     it.server.shutdown().await;
     while still.chunk().await.unwrap().is_some() {}
 }
-
 #[tokio::test(flavor = "multi_thread")]
 async fn a_stream_after_the_end_tells_it_and_ends() {
     let it = Harness::trained().await;
@@ -253,8 +251,8 @@ async fn a_stream_after_the_end_tells_it_and_ends() {
     };
     for session in [&closed, &expired] {
         let path = format!("/v1/sessions/{session}/events");
-        let newest = it.get(&format!("/v1/sessions/{session}/belief")).await.expect(200);
-        let newest = newest["revision"].to_string();
+        let newest = it.get(&format!("/v1/sessions/{session}/belief")).await;
+        let newest = newest.expect(200)["revision"].to_string();
         for (last, expected) in [
             ("", &["belief", "closed"][..]),
             ("0", &["belief", "closed"]),
