@@ -107,12 +107,6 @@ def train(
                 raise ValueError(f'objects["{name}"]: {error}') from error
         else:
             sources.append((name, source))
-    if len(sources) == 1:
-        warnings.warn(
-            "the catalogue has one object: nothing can be told apart, and probabilities are not "
-            "calibrated",
-            stacklevel=2,
-        )
     tell = print_progress if progress is True else progress or None
     trained = Catalogue.train(
         sources,
@@ -124,6 +118,12 @@ def train(
     )
     if progress is True:
         print(file=sys.stderr)
+    if len(sources) == 1:
+        warnings.warn(
+            "the catalogue has one object: nothing can be told apart, and probabilities are not "
+            "calibrated",
+            stacklevel=2,
+        )
     return trained
 
 

@@ -147,7 +147,12 @@ def poses_array(given: Sequence[PoseLike] | npt.ArrayLike) -> FloatArray:
             return np.ascontiguousarray(given, dtype=np.float64)
         if given.ndim != 3:
             raise ValueError(f"poses: have shape {given.shape}, expected n × 7 or n × 4 × 4")
-    rows = [Pose.of(one).numbers for one in given]  # type: ignore[union-attr]
+    rows = []
+    for index, one in enumerate(given):  # type: ignore[arg-type]
+        try:
+            rows.append(Pose.of(one).numbers)
+        except ValueError as error:
+            raise ValueError(f"poses[{index}]: {error}") from error
     return np.array(rows, dtype=np.float64).reshape(len(rows), 7)
 
 
