@@ -11,7 +11,9 @@
 use std::path::Path;
 
 use palpate_client::Client;
-use palpate_client::schemas::{CreateObject, JobState, MeshFormat, MeshUnit, StartTraining};
+use palpate_client::schemas::{
+    CreateObject, JobState, MeshFormat, MeshUnit, SensorKnowledge, StartTraining,
+};
 
 #[tokio::main]
 async fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -31,7 +33,11 @@ async fn main() -> Result<(), Box<dyn std::error::Error>> {
         names.push(name.to_string());
     }
 
-    let training = StartTraining { objects: Some(names), ..StartTraining::default() };
+    // The simulated arm of these examples has exactly the described sensor; for a real one leave
+    // `sensor_knowledge` out.
+    let sensor_knowledge = Some(SensorKnowledge::Measured);
+    let training =
+        StartTraining { objects: Some(names), sensor_knowledge, ..StartTraining::default() };
     let job = client.start_training("default", &training).await?;
     let job = client.follow_job(job.id, |job| println!("{} of {}", job.done, job.total)).await?;
     if job.state != JobState::Succeeded {

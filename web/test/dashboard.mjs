@@ -97,6 +97,8 @@ await step("a training is started, and its progress followed", async () => {
   await page.getByLabel("Simulated touches per mesh").fill("200");
   await page.getByLabel("Touches for its surface").fill("200");
   await page.getByLabel("solid").check();
+  // The robots of this story have exactly the described sensor.
+  await page.locator("#train-knowledge").selectOption("measured");
   await page.getByRole("button", { name: "Start training" }).click();
   await page.locator("progress").first().waitFor();
   await page.getByRole("link", { name: "default version 1" }).waitFor({ timeout: 90_000 });

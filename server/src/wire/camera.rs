@@ -18,8 +18,8 @@ use crate::wire::{Invalid, number, outside, range};
 
 /// Maximum number of weights of objects.
 const CLASSES_MAX: usize = 1_000;
-/// Permitted weights.
-const WEIGHT_MAX: f64 = 1e6;
+/// Permitted weights above 0: their products with a prior are numbers above 0.
+const WEIGHT: [f64; 2] = [1e-9, 1e6];
 /// Permitted deviations of a covariance along each axis, in metres.
 const POSITION_DEVIATION: [f64; 2] = [1e-5, 1.0];
 /// Permitted deviations of a covariance about each axis, in radians.
@@ -127,7 +127,13 @@ fn some(pointer: &str, weights: &[f64]) -> Result<(), Invalid> {
 }
 
 fn weight(pointer: &str, found: f64) -> Result<f64, Invalid> {
-    number(pointer, found, 0.0, WEIGHT_MAX)
+    let [min, max] = WEIGHT;
+    if found > 0.0 && found < min {
+        let found = palpate_core::units::Beyond(found, [0.0, min]);
+        let detail = format!("came {found}, expected 0, or {min:e} to {max}");
+        return Err(Invalid::field(pointer, detail));
+    }
+    number(pointer, found, 0.0, max)
 }
 
 fn at_most(pointer: &str, found: usize, max: usize) -> Result<(), Invalid> {
