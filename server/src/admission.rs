@@ -103,7 +103,7 @@ pub(crate) struct Room {
 }
 
 impl Room {
-    /// Room for a body of which nothing has come.
+    /// Room for a body before its first byte.
     pub(crate) fn new(bodies: &Arc<Budget>, client: Option<Client>) -> Result<Self, LoadError> {
         let held = bodies.take(client, 0).map_err(|over| full(bodies, over))?;
         Ok(Self { bodies: Arc::clone(bodies), held: Arc::new(Mutex::new(held)) })

@@ -1,4 +1,4 @@
-//! Known sensors by name, as data sheets: nobody has measured the array of whoever picks one.
+//! Known sensors by name, each as its data sheet describes it.
 
 use super::arrays;
 use super::coupling::Coupling;

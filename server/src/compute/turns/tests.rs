@@ -44,7 +44,7 @@ fn the_client_that_has_spent_least_is_next() {
         assert!(turns.done(id, None));
     }
     assert_eq!(order, [1, 2, 2, 1, 1]);
-    // Nobody is owed anything for a time without work.
+    // Idle time earns no credit.
     push(&turns, 3, Size::Small);
     assert_eq!(turns.lock().accounts.len(), 1);
 }
