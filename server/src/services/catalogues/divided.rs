@@ -21,8 +21,8 @@ use crate::members::{Block, Reply};
 /// gigabytes first.
 const OUTLINED_WITHIN: Duration = Duration::from_secs(60);
 
-/// Number of maps read for one question. Chosen: a hundred megabytes; only next touches before the
-/// first touch, when all objects are as likely, ask for more.
+/// Number of maps read for one question. Chosen: a hundred megabytes; only next touches ask for more,
+/// and only before several places were touched, when most objects are likely.
 const MAPS_AT_ONCE: usize = 128;
 
 /// The maps of a version, wherever they are.
