@@ -1,5 +1,4 @@
-"""Small runs of `palpate experiment several-servers`, `divided-servers` and `large-content` on
-three NATS servers.
+"""Small runs of `palpate experiment several-servers` and `large-content` on three NATS servers.
 
 Called by `tests/nats` with the program.
 """
@@ -28,20 +27,7 @@ def main():
         missing = [key for key in wanted if not figures.get(key, 0) > 0]
         assert not missing, f"{missing} of {figures}"
         print(f"several-servers: {len(figures)} figures")
-        divided(folder, address)
         large_content(folder, address)
-
-
-def divided(folder, address):
-    """A catalogue of two blocks: equal beliefs, and less memory a server."""
-    experiment = ["experiment", "divided-servers", "--nats", f"{address}/divided"]
-    small = ["--objects", "70", "--train-readings", "60", "--sessions", "3", "--readings", "4"]
-    small += ["--palpate", sys.argv[1], "--no-record", "--json", "--out", f"{folder}/results"]
-    figures = json.loads(palpate(*experiment, *small))["figures"]
-    assert figures["equal_2"] == figures["equal_4"] == 1, figures
-    assert figures["surface_ratio_2"] < 1, figures
-    assert figures["resident_mb_1"] > 0 and figures["p99_ms_4"] > 0, figures
-    print(f"divided-servers: {len(figures)} figures")
 
 
 def large_content(folder, address):

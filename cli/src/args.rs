@@ -161,8 +161,6 @@ pub(crate) enum Command {
     Forwarding,
     /// Show the stored bytes per key, and the things that take most.
     Storage,
-    /// Show the servers that divide catalogues, and the blocks that each holds.
-    Members,
     /// Free the disk space of removed records.
     Compact(CompactArgs),
     /// Copy all stored data between a folder and a NATS cluster, and compare both.
@@ -209,8 +207,6 @@ mod tests {
         "palpate serve --store-slack-mb 8",
         "palpate serve --store-quota-mb 500",
         "palpate storage --json",
-        "palpate members --json",
-        "palpate serve --store nats://a:1 --store-shared --divide-copies 2",
         "palpate snapshot create monday.snapshot",
         "palpate snapshot verify monday.snapshot --json",
         "palpate snapshot restore monday.snapshot --data ./restored",

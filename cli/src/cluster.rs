@@ -1,11 +1,9 @@
 //! Arguments that say how to reach a store on a NATS cluster.
 
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use anyhow::anyhow;
 use clap::Args;
-use palpate_server::Dividing;
 use palpate_store::nats::NatsOptions;
 
 /// Folder in the data folder for temporary files of a server on a cluster.
@@ -20,35 +18,9 @@ pub(crate) struct StoreArgs {
     store: Option<String>,
     #[command(flatten)]
     cluster: ClusterArgs,
-    /// With --store-shared on every server: divide the objects of catalogues of more than 64 objects
-    /// among the servers, with this many copies of each. Use the same number on all servers; with 2,
-    /// one server may be lost [default: every server holds whole catalogues].
-    #[arg(
-        long,
-        env = "PALPATE_DIVIDE_COPIES",
-        value_name = "N",
-        value_parser = clap::value_parser!(u64).range(1..=16)
-    )]
-    divide_copies: Option<u64>,
-    /// Milliseconds that the other servers have to answer for their objects; the belief then leaves
-    /// out what is missing, and says so.
-    #[arg(
-        long,
-        env = "PALPATE_DIVIDE_WAIT_MS",
-        value_name = "MS",
-        default_value_t = 10_000,
-        value_parser = clap::value_parser!(u64).range(100..=60_000)
-    )]
-    divide_wait_ms: u64,
 }
 
 impl StoreArgs {
-    /// How the servers of the cluster divide catalogues, if they do.
-    pub(crate) fn dividing(&self) -> Option<Dividing> {
-        let within = Duration::from_millis(self.divide_wait_ms);
-        self.divide_copies.map(|copies| Dividing { copies: copies as usize, within })
-    }
-
     /// The options of the cluster, if the store is on one.
     pub(crate) fn options(&self, data: &Path) -> anyhow::Result<Option<NatsOptions>> {
         let options = |store: &String| self.cluster.options(store, data.join(SPOOL_FOLDER));

@@ -21,7 +21,6 @@ mod labels;
 pub(crate) mod letters;
 pub(crate) mod load;
 pub(crate) mod maps;
-pub(crate) mod members;
 pub(crate) mod migrate;
 pub(crate) mod next_touch;
 pub(crate) mod objects;

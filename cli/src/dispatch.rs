@@ -6,9 +6,8 @@ use palpate_client::{Client, ClientOptions};
 use crate::args::{Cli, Command};
 use crate::commands::{
     Context, analyses, audit, catalogues, compact, config, copy, demo, draw, experiment, explore,
-    fleet, forwarding, fsck, health, jobs, keys, letters, load, maps, members, migrate, next_touch,
-    objects, openapi, report, robots, sensors, serve, sessions, snapshot, storage, touch, train,
-    webhooks,
+    fleet, forwarding, fsck, health, jobs, keys, letters, load, maps, migrate, next_touch, objects,
+    openapi, report, robots, sensors, serve, sessions, snapshot, storage, touch, train, webhooks,
 };
 use crate::output::Output;
 
@@ -67,7 +66,6 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Snapshot(args) => snapshot::run(args, output, context).await,
         Command::Forwarding => forwarding::run(&context()?).await,
         Command::Storage => storage::run(&context()?).await,
-        Command::Members => members::run(&context()?).await,
         Command::Compact(args) => compact::run(args, output, context).await,
         Command::Copy(args) => copy::run(args, output).await,
         Command::Fsck(args) => fsck::run(args, output).await,

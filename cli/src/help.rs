@@ -10,7 +10,7 @@ pub(crate) const GLOBAL: &str = "Server and output";
 /// Options of `palpate serve` by heading; those not named are limits.
 const SERVE: [(&str, &[&str]); 3] = [
     ("Cells", &["forward_", "cell"]),
-    ("Store", &["data", "store", "divide", "migrate", "disk_reserve", "keep_sessions"]),
+    ("Store", &["data", "store", "migrate", "disk_reserve", "keep_sessions"]),
     (
         "Address and access",
         &[

@@ -297,9 +297,6 @@ mod tests {
                 symmetry: Vec::new(),
             }],
             warnings: Vec::new(),
-            partial: false,
-            missing_objects: Vec::new(),
-            n_missing_objects: 0,
         }
     }
 

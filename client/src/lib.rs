@@ -30,7 +30,6 @@ mod keys;
 mod compactions;
 mod snapshots;
 mod storage;
-mod members;
 mod webhooks;
 mod history;
 mod sessions;

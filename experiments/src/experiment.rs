@@ -13,7 +13,6 @@ use crate::consistency::{self, Consistency};
 use crate::contact_rates::{self, ContactRates};
 use crate::controllers::{self, Controllers};
 use crate::covering::{self, Covering};
-use crate::divided_servers::{self, DividedServers};
 use crate::exploration::Exploration;
 use crate::explorations::ExplorationTrials;
 use crate::geometric_elsewhere::{self, GeometricElsewhere};
@@ -127,8 +126,6 @@ pub enum Experiment {
     ServerThroughput(ServerThroughput),
     /// The same readings through a folder and through one to three servers on a NATS cluster.
     SeveralServers(SeveralServers),
-    /// One catalogue on one server, and divided over two and four on a NATS cluster.
-    DividedServers(DividedServers),
     /// Start and memory of a second server on a NATS cluster, by where large content is.
     LargeContent(LargeContent),
     /// Time from a restart until the beliefs of all open sessions are answered again.
@@ -185,7 +182,6 @@ impl Experiment {
             Self::Controllers(config) => controllers::run(config, progress),
             Self::ServerThroughput(config) => server_throughput::run(config, progress),
             Self::SeveralServers(config) => several_servers::run(config, progress),
-            Self::DividedServers(config) => divided_servers::run(config, progress),
             Self::LargeContent(config) => large_content::run(config, progress),
             Self::Restart(config) => restart::run(config, progress),
         }
@@ -276,7 +272,7 @@ mod tests {
             let needed = match command.get_name() {
                 name if name.starts_with("real-") => " --data folder",
                 "several-servers" => " --nats nats://host",
-                "divided-servers" | "large-content" => " --nats nats://host --palpate palpate",
+                "large-content" => " --nats nats://host --palpate palpate",
                 _ => "",
             };
             let line = format!("{PROGRAM} {}{needed}", command.get_name());

@@ -31,7 +31,6 @@ pub mod trained;
 pub mod server_throughput;
 pub mod restart;
 pub mod several_servers;
-pub mod divided_servers;
 pub mod large_content;
 pub mod next_touch;
 pub mod object_trials;

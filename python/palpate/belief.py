@@ -94,11 +94,6 @@ class Belief(Value):
     """Probable mistakes in what was sent."""
     session: str | None
     revision: int | None
-    partial: bool
-    """Whether objects are left out, since the servers that hold them did not answer in time."""
-    missing_objects: list[str]
-    """Names of the objects that are left out: the first 100."""
-    n_missing_objects: int
 
     @property
     def best(self) -> str | None:
@@ -162,9 +157,6 @@ class Belief(Value):
             warnings=warnings_of(document),
             session=document.get("session"),
             revision=document.get("revision"),
-            partial=document.get("partial", False),
-            missing_objects=[one["name"] for one in document.get("missing_objects") or []],
-            n_missing_objects=document.get("n_missing_objects", 0),
         )
 
 

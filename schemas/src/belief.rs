@@ -63,39 +63,6 @@ pub struct Belief {
     /// centre that is off. With `surface` only.
     #[serde(default)]
     pub warnings: Vec<Warning>,
-    /// Whether objects are left out, because the servers that hold them did not answer in time.
-    /// The probabilities are those of the others, `stop` is not reached, and a later request
-    /// computes the belief anew. Absent if the belief is whole.
-    #[serde(default, skip_serializing_if = "is_false")]
-    pub partial: bool,
-    /// The objects that are left out: the first 100. Absent if there are none.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub missing_objects: Vec<MissingObject>,
-    /// Number of objects that are left out. Absent if there are none.
-    #[serde(default, skip_serializing_if = "is_zero")]
-    pub n_missing_objects: u32,
-}
-
-/// Maximum number of named objects that a belief leaves out.
-pub const MISSING_MAX: usize = 100;
-
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes references")]
-fn is_false(value: &bool) -> bool {
-    !value
-}
-
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes references")]
-fn is_zero(value: &u32) -> bool {
-    *value == 0
-}
-
-/// Object that a belief leaves out.
-#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
-pub struct MissingObject {
-    /// The object's id.
-    pub object: Uuid,
-    /// The object's name when it was trained.
-    pub name: String,
 }
 
 /// Reason why probabilities are not calibrated.

@@ -12,7 +12,6 @@ pub mod descriptor;
 pub mod appearance;
 pub mod health;
 pub mod labels;
-pub mod members;
 pub mod method;
 pub mod page;
 pub mod pose;
@@ -53,8 +52,7 @@ pub use appearance::{
     FeatureSource, NearDuplicate, ObjectAppearance,
 };
 pub use belief::{
-    Belief, BeliefQuery, MissingObject, ObjectProbability, PoseHypothesis, StopAdvice,
-    UncalibratedReason,
+    Belief, BeliefQuery, ObjectProbability, PoseHypothesis, StopAdvice, UncalibratedReason,
 };
 pub use calibration::{
     CalibrateSensor, CalibrationQuery, ResponseForm, ResponseGoodness, ResponseKnot, ResponseLine,
@@ -94,7 +92,6 @@ pub use interest::{InterestMap, InterestPlace, InterestRival};
 pub use job::{Job, JobPage, JobStage, JobState};
 pub use labels::{LabelledQuery, Labels, SetLabels};
 pub use layout::{Drawing, Layout, Taxel};
-pub use members::{Member, MemberBlocks, Members};
 pub use method::Method;
 pub use next_touch::{AskNextTouches, NextTouch, NextTouches, TouchCandidate, TouchWorkspace};
 pub use object::{

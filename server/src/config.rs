@@ -47,15 +47,6 @@ pub struct Forward {
     pub catalogues: Vec<String>,
 }
 
-/// How servers of a cluster divide the objects of a catalogue.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Dividing {
-    /// Number of servers that hold each object.
-    pub copies: usize,
-    /// Time in which the others answer; what is missing then is left out of the belief.
-    pub within: Duration,
-}
-
 /// The settings of a server. Defaults suit one machine and a small fleet.
 #[derive(Clone, Debug)]
 #[expect(clippy::struct_excessive_bools, reason = "settings that are on or off, each for itself")]
@@ -87,9 +78,6 @@ pub struct Config {
     pub data: PathBuf,
     /// The NATS cluster that stores everything; the database folder does it if `None`.
     pub cluster: Option<NatsOptions>,
-    /// Divides the objects of large catalogues among the servers of the cluster; each server holds
-    /// whole catalogues if `None`.
-    pub dividing: Option<Dividing>,
     /// Migrates a database of an older layout; otherwise it is refused.
     pub migrate: bool,
     /// Memory of the database's page cache, bytes.
@@ -199,7 +187,6 @@ impl Config {
             failed_changes_per_minute: FAILED_CHANGES_PER_MINUTE,
             data: data.into(),
             cluster: None,
-            dividing: None,
             migrate: false,
             store_cache_bytes: 64 << 20,
             disk_reserve_bytes: RESERVE_BYTES,

@@ -25,22 +25,16 @@ const READINGS: [(&str, &str); 2] =
 /// Statuses of that route: a success, and those that an alert counts.
 const STATUSES: [&str; 5] = ["200", "429", "500", "503", "507"];
 /// Counters without labels.
-const PLAIN: [&str; 8] = [
-    "palpate_beliefs_partial_total",
+const PLAIN: [&str; 5] = [
     "palpate_beliefs_resumed_total",
-    "palpate_blocks_read_total",
-    "palpate_blocks_unanswered_total",
     "palpate_connections_displaced_total",
     "palpate_readings_folded_total",
     "palpate_readings_total",
     "palpate_snapshots_total",
 ];
 
-/// Figures of a server that divides catalogues with others, and of a cell; other servers stay at 0.
-const SPECIAL: [&str; 8] = [
-    "palpate_members",
-    "palpate_blocks_held",
-    "palpate_blocks_absent",
+/// Figures of a cell; other servers stay at 0.
+const OF_CELLS: [&str; 5] = [
     "palpate_forwarding_down_seconds",
     "palpate_forwarding_sessions_waiting",
     "palpate_forwarding_entries_waiting",
@@ -80,7 +74,7 @@ pub(crate) fn register() {
         }
     }
     let _ = metrics::histogram!("palpate_feedback_probability");
-    for name in SPECIAL {
+    for name in OF_CELLS {
         metrics::gauge!(name).set(0.0);
     }
     metrics::gauge!("palpate_snapshot_timestamp_seconds").set(0.0);

@@ -21,7 +21,6 @@ pub mod tls;
 pub mod config;
 mod asker;
 mod compute;
-mod members;
 mod dashboard;
 mod roles;
 mod hints;
@@ -51,7 +50,7 @@ pub mod server;
 
 #[doc(hidden)]
 pub use clock::set_ahead as set_clock_ahead;
-pub use config::{Access, Config, Dividing, Forward};
+pub use config::{Access, Config, Forward};
 pub use door::Patience;
 pub use outbox::{Outbox, OutboxError};
 pub use palpate_store::nats::NatsOptions;

@@ -277,9 +277,6 @@ impl Live {
     }
 
     fn shown(&self, revision: u64, Answered { answer, set_back }: &Answered) -> wire::Belief {
-        if !answer.missing.is_empty() {
-            metrics::counter!("palpate_beliefs_partial_total").increment(1);
-        }
         let mut shown = belief(&self.session, revision, answer, &self.model);
         shown.warnings.extend(set_back.iter().map(|found| of_clock(found, String::new())));
         shown

@@ -203,9 +203,6 @@ mod tests {
             entropy_bits: 0.1,
             poses: vec![pose(8), pose(7), pose(7)],
             warnings: Vec::new(),
-            partial: false,
-            missing_objects: Vec::new(),
-            n_missing_objects: 0,
         }
     }
 

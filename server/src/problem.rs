@@ -297,7 +297,6 @@ fn catalogue(error: &CatalogueError) -> Answer {
             Answer { wait: None, ..ProblemType::Unavailable.into() }
         }
         CatalogueError::ModelsInUse { .. } => ProblemType::Overloaded.into(),
-        CatalogueError::BlocksMissing { .. } => ProblemType::Unavailable.into(),
         CatalogueError::Quarantined { .. } => ProblemType::Damaged.into(),
         CatalogueError::Unreadable(_) => ProblemType::Internal.into(),
         CatalogueError::Cause(error) => cause(error),

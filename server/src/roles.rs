@@ -155,7 +155,6 @@ pub(crate) const TABLE: &[(&str, Who, Effect)] = &[
     ("redeliver_webhook", RULING, Changes),
     ("list_audit", RULING, Reads),
     ("get_storage", LOOKING, Reads),
-    ("get_members", LOOKING, Reads),
     ("take_snapshot", RULING, Changes),
     ("compact", RULING, Changes),
 ];

@@ -14,7 +14,6 @@ pub(crate) mod jobs;
 pub(crate) mod keys;
 pub(crate) mod labels;
 pub(crate) mod maps;
-pub(crate) mod members;
 pub(crate) mod objects;
 pub(crate) mod sensor_health;
 pub(crate) mod sensors;
@@ -111,7 +110,6 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(storage::take_snapshot))
         .routes(routes!(storage::compact))
         .routes(routes!(storage::get_storage))
-        .routes(routes!(members::get_members))
         .merge(webhooks())
         .merge(cells())
 }

@@ -4,7 +4,6 @@
 //! the running training, and closes the store last.
 
 mod database;
-mod dividing;
 mod start;
 
 use std::fmt;
@@ -32,6 +31,7 @@ use crate::rate::Rates;
 use crate::roles::Operations;
 use crate::router::router;
 use crate::services::audit::{Audit, is_essential};
+use crate::services::catalogues::Catalogues;
 use crate::services::commissionings::Commissionings;
 use crate::services::integrity;
 use crate::services::jobs::Jobs;
@@ -43,7 +43,6 @@ use crate::services::storage::{self, Storage};
 use crate::services::webhooks::Webhooks;
 use crate::{openapi, tls};
 use database::{close, database, open};
-use dividing::catalogues;
 use start::is_exposed;
 pub use start::{StartError, check};
 
@@ -243,7 +242,7 @@ async fn assemble(
         Arc::clone(&objects),
         pool.clone(),
     );
-    let catalogues = catalogues(&config, &store, pool.clone(), &stopping).await?;
+    let catalogues = Arc::new(Catalogues::new(&store, pool.clone(), &config));
     let notices = Arc::new(Notices::default());
     let outgoing = Arc::new(Outgoing::new(config.forward.clone()));
     let jobs = Arc::new(Jobs::new(

@@ -335,7 +335,6 @@ def tell(story: Story, palpate: str, folder: Path) -> None:
     story.tell("delete_webhook", webhook=hook)
 
     story.tell("get_storage")
-    story.tell("get_members")
     story.tell("take_snapshot")
     story.tell("compact")
     story.tell("metrics")

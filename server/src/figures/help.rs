@@ -1,13 +1,8 @@
 //! The descriptions of all metrics, as `# HELP` in `/metrics`. `docs/operations.md` says more.
 
 /// Name and description of each metric.
-const HELP: [(&str, &str); 78] = [
-    ("palpate_beliefs_partial_total", "Answers with a belief that leaves objects out"),
+const HELP: [(&str, &str); 70] = [
     ("palpate_beliefs_resumed_total", "Beliefs resumed from a checkpoint"),
-    ("palpate_blocks_absent", "Blocks of objects that this server should hold and has not read"),
-    ("palpate_blocks_held", "Blocks of objects in memory"),
-    ("palpate_blocks_read_total", "Blocks of objects read into memory"),
-    ("palpate_blocks_unanswered_total", "Blocks of objects that no server answered for"),
     ("palpate_build_info", "1, with the version"),
     ("palpate_certificate_expiry_timestamp_seconds", "Earliest end of the chain's certificates"),
     ("palpate_compute_places_free", "Computations that may still be accepted"),
@@ -35,9 +30,6 @@ const HELP: [(&str, &str); 78] = [
     ("palpate_http_requests_total", "Requests"),
     ("palpate_jobs_total", "Ended trainings and recalibrations"),
     ("palpate_jobs_unfinished", "Trainings and recalibrations waiting or running"),
-    ("palpate_member_blocks_refused_total", "Blocks that an asked server did not answer for"),
-    ("palpate_member_questions_total", "Questions to other servers about their blocks"),
-    ("palpate_members", "Servers that divide catalogues and are alive"),
     ("palpate_memory_bytes", "Memory of a kind that has a budget"),
     ("palpate_memory_limit_bytes", "Least limit on the memory of the process and the machine"),
     ("palpate_model_bytes", "Memory of models"),

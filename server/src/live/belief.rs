@@ -152,14 +152,6 @@ impl SessionBelief {
         }
     }
 
-    /// Whether objects are left out, since members that hold them did not answer.
-    pub(crate) fn is_partial(&self) -> bool {
-        match self {
-            Self::Surface(belief) => !belief.missing_objects().is_empty(),
-            Self::Sva(..) | Self::Geometric(_) | Self::Appearance(_) => false,
-        }
-    }
-
     /// Makes long loops unwind once `stop` is requested.
     pub(crate) fn heed(&mut self, stop: &Stop) {
         match self {

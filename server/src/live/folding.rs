@@ -9,7 +9,6 @@
 //! fold changes no bit.
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
 
 use palpate_core::belief::answer::Answer;
 use palpate_dissertation::geometric::GeometricError;
@@ -31,9 +30,6 @@ use crate::compute::ComputeError;
 use crate::hints::SetBack;
 use crate::model::Model;
 
-/// Interval at which a belief that objects are missing from is folded anew. Chosen: a fold may wait
-/// for members that do not answer.
-const RETRY_MISSING_EVERY: Duration = Duration::from_secs(2);
 /// Number of folded readings after which a belief is stored, or stored again.
 const READINGS_PER_CHECKPOINT: usize = 16;
 /// Maximum number of earlier beliefs kept.
@@ -88,8 +84,6 @@ pub(super) struct Memory {
     checkpoints: Vec<Fold>,
     /// Number of readings in the stored checkpoint.
     stored: usize,
-    /// When objects were left out of the newest belief, if any are.
-    partial_since: Option<Instant>,
 }
 
 impl Memory {
@@ -109,14 +103,6 @@ impl Memory {
         stays
     }
 
-    /// Drops the newest belief if objects are left out of it, once in a while: the members that
-    /// hold them may answer by now, and only a new fold brings them back.
-    fn retry_missing(&mut self) {
-        if self.partial_since.is_some_and(|since| since.elapsed() >= RETRY_MISSING_EVERY) {
-            (self.newest, self.partial_since) = (None, None);
-        }
-    }
-
     /// The belief to continue from, taken out; `None` starts from nothing.
     fn begin(&mut self) -> Option<Fold> {
         self.newest.take().or_else(|| self.checkpoints.last().cloned())
@@ -126,9 +112,6 @@ impl Memory {
     /// as stored from now on.
     fn unstored(&mut self, more: usize) -> Option<&Fold> {
         let newest = self.newest.as_ref().filter(|fold| fold.n >= self.stored + more)?;
-        if newest.belief.is_partial() {
-            return None;
-        }
         self.stored = newest.n;
         Some(newest)
     }
@@ -136,8 +119,7 @@ impl Memory {
     /// Keeps a copy of a belief to return to, once in every few readings.
     fn note(&mut self, fold: &Fold, method: Method) {
         let is_new = self.checkpoints.last().is_none_or(|last| last.n < fold.n);
-        let is_whole = !fold.belief.is_partial();
-        if !fold.n.is_multiple_of(STRIDE) || !is_new || !is_whole || !is_light(method) {
+        if !fold.n.is_multiple_of(STRIDE) || !is_new || !is_light(method) {
             return;
         }
         self.checkpoints.push(fold.clone());
@@ -172,7 +154,6 @@ impl Folding {
     ) -> Result<&'memory Fold, LiveError> {
         self.readings.tell(&mut memory.chronicle, length)?;
         memory.settle();
-        memory.retry_missing();
         let order = memory.chronicle.order().to_vec();
         let mut fold = match memory.begin() {
             Some(fold) => fold,
@@ -187,9 +168,6 @@ impl Folding {
         let folded = self.fold_on(&mut fold, &order, |fold| memory.note(fold, self.method));
         if matches!(folded, Ok(()) | Err(LiveError::Cause(Cause::Compute(ComputeError::Stopped)))) {
             // The next fold continues from its end.
-            if fold.belief.is_partial() {
-                memory.partial_since.get_or_insert_with(Instant::now);
-            }
             memory.newest = Some(fold);
         }
         folded?;

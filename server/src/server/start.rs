@@ -45,9 +45,6 @@ pub enum StartError {
     /// The files do not permit TLS.
     #[error(transparent)]
     Tls(#[from] TlsError),
-    /// Catalogues cannot be divided where one server has the store.
-    #[error("`--divide-copies` needs a shared store: `--store nats://…` and `--store-shared`")]
-    DividedAlone,
     /// The operating system has no random bits for the first key.
     #[error("cannot make the first key: {0}")]
     Random(#[from] getrandom::Error),
@@ -57,8 +54,8 @@ pub enum StartError {
     /// The operating system gives no threads.
     #[error("cannot start threads: {0}")]
     Threads(#[from] std::io::Error),
-    /// The threads of trainings, or of divided catalogues, do not start.
-    #[error("cannot start the threads of trainings or of divided catalogues: {0}")]
+    /// The training threads do not start.
+    #[error("cannot start the training threads: {0}")]
     TrainingThreads(#[from] rayon::ThreadPoolBuildError),
     /// The database cannot be opened.
     #[error(transparent)]

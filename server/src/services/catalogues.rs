@@ -4,12 +4,9 @@
 //! memory budget (`memory`).
 
 mod aliases;
-mod blocks;
-mod divided;
 mod elsewhere;
 mod error;
 mod interest;
-mod keeping;
 mod loading;
 mod maps;
 mod memory;
@@ -25,17 +22,14 @@ use palpate_store::catalogue::{Catalogue, Catalogues as Table, Draft, Manifest};
 use palpate_store::database::Database;
 use palpate_store::error::StoreError;
 use palpate_store::model_codec::{APPEARANCE_BLOCK, ModelPart};
-use rayon::ThreadPoolBuildError;
 use uuid::Uuid;
 
 use crate::cause::Cause;
 use crate::clock::now_ms;
 use crate::compute::Pool;
 use crate::config::Config;
-use crate::members::Members;
 use crate::model::Model;
 use crate::wire::{appearance, cursor, labels, page_id, page_length, page_number, training};
-use blocks::Blocks;
 pub(crate) use error::CatalogueError;
 use interest::Interests;
 use loading::Key;
@@ -51,9 +45,7 @@ pub(crate) struct Catalogues {
     /// A table for removals, which must work on a full disk.
     removing: Table,
     pool: Pool,
-    memory: Arc<Memory<Key, Model>>,
-    /// The blocks of this member, where members divide catalogues.
-    blocks: Option<Arc<Blocks>>,
+    memory: Memory<Key, Model>,
     /// The memory budget of geometric look-up tables.
     tables: Arc<TableBudget>,
     loading: tokio::sync::Mutex<()>,
@@ -75,38 +67,21 @@ pub(crate) struct Pinned {
 }
 
 impl Catalogues {
-    /// Models and look-up tables within the bounds of a configuration. With `members` the
-    /// surfaces of large versions are divided among these.
-    ///
-    /// # Errors
-    /// When the operating system gives no threads.
-    pub(crate) fn new(
-        store: &Database,
-        pool: Pool,
-        members: Option<Arc<Members>>,
-        config: &Config,
-    ) -> Result<Self, ThreadPoolBuildError> {
-        let memory = Arc::new(Memory::new(config.model_memory_bytes_max));
-        let tables = TableBudget::new(config.belief_memory_bytes_max);
-        let of = |members| {
-            let (table, memory) = (store.catalogues(), Arc::clone(&memory));
-            Blocks::new(table, memory, members, config.compute_threads).map(Arc::new)
-        };
-        let blocks = members.map(of).transpose()?;
-        Ok(Self {
-            blocks,
+    /// Models and look-up tables within the bounds of a configuration.
+    pub(crate) fn new(store: &Database, pool: Pool, config: &Config) -> Self {
+        Self {
             store: store.clone(),
             table: store.catalogues(),
             removing: store.essential().catalogues(),
             pool,
-            memory,
-            tables,
+            memory: Memory::new(config.model_memory_bytes_max),
+            tables: TableBudget::new(config.belief_memory_bytes_max),
             loading: tokio::sync::Mutex::new(()),
             interests: Interests::new(),
             damaged: DashMap::new(),
             using: tokio::sync::RwLock::new(()),
             publishing: tokio::sync::Mutex::new(()),
-        })
+        }
     }
 
     /// Bytes of the shared look-up tables of geometric beliefs.

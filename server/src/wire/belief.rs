@@ -34,9 +34,6 @@ pub(crate) fn belief(
         .collect();
     objects.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     let poses = answer.modes.iter().map(|mode| hypothesis(mode, method, model)).collect();
-    let missing = answer.missing.iter().map(|object| &model.objects[object.0 as usize]);
-    let missing =
-        missing.map(|object| wire::MissingObject { object: object.id, name: object.name.clone() });
     wire::Belief {
         session: session.id,
         revision: count(revision),
@@ -49,9 +46,6 @@ pub(crate) fn belief(
         entropy_bits: answer.entropy_bits,
         poses,
         warnings: warnings(answer),
-        partial: !answer.missing.is_empty(),
-        missing_objects: missing.take(wire::belief::MISSING_MAX).collect(),
-        n_missing_objects: count(answer.missing.len()),
     }
 }
 
@@ -68,9 +62,7 @@ fn stop(session: &Session, answer: &Answer, model: &Model) -> Option<wire::StopA
     let risk = options.risk?;
     let rule = model.core.surface.as_ref().map(|surfaces| surfaces.calibration.stop);
     let found = answer.risk(untold_unknown_prior(&options), rule.unwrap_or_default());
-    // The object may be one of those that are missing.
-    let reached = found <= risk && answer.missing.is_empty();
-    Some(wire::StopAdvice { risk, found, reached })
+    Some(wire::StopAdvice { risk, found, reached: found <= risk })
 }
 
 /// Whether a method reports poses modulo the objects' symmetries.

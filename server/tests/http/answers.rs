@@ -54,7 +54,6 @@ const ANSWERS: &[(&str, Bound)] = &[
     ("job_events", Stream),
     ("list_keys", Pages),
     ("get_key", Constant("one")),
-    ("get_members", Constant("the members of a cluster")),
     ("list_objects", Pages),
     ("get_object", One),
     ("get_mesh", One),

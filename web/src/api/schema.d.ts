@@ -844,28 +844,6 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
-    "/v1/members": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        /**
-         * Get the servers that divide catalogues
-         * @description Returns the servers of this cluster that hold the objects of large catalogues
-         *     (`--divide-copies`), and how many blocks of each version they have in memory, as far as the
-         *     server that answers has heard within the last seconds.
-         */
-        get: operations["get_members"];
-        put?: never;
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
     "/v1/objects": {
         parameters: {
             query?: never;
@@ -2288,13 +2266,6 @@ export interface components {
              *     knowledge of n objects.
              */
             entropy_bits: number;
-            /** @description The objects that are left out: the first 100. Absent if there are none. */
-            missing_objects?: components["schemas"]["MissingObject"][];
-            /**
-             * Format: int32
-             * @description Number of objects that are left out. Absent if there are none.
-             */
-            n_missing_objects?: number;
             /**
              * Format: int32
              * @description Number of presses the belief rests on: readings that are not retracted, where the frames of
@@ -2303,12 +2274,6 @@ export interface components {
             n_readings: number;
             /** @description The objects, likeliest first. If all are listed, their probabilities and `unknown` sum to 1. */
             objects: components["schemas"]["ObjectProbability"][];
-            /**
-             * @description Whether objects are left out, because the servers that hold them did not answer in time.
-             *     The probabilities are those of the others, `stop` is not reached, and a later request
-             *     computes the belief anew. Absent if the belief is whole.
-             */
-            partial?: boolean;
             /**
              * @description Pose hypotheses, likeliest first; do not average them. With `surface` and `sva`, poses
              *     equivalent under the object's `symmetry` are one hypothesis. Empty with the methods
@@ -3752,58 +3717,6 @@ export interface components {
              */
             value: number;
         };
-        /** @description A server that holds objects of catalogues. */
-        Member: {
-            /** @description What it holds of each divided version. */
-            blocks: components["schemas"]["MemberBlocks"][];
-            /**
-             * Format: uuid
-             * @description Id of the server's process.
-             */
-            id: string;
-            /** @description Whether it is the server that answers. */
-            is_self: boolean;
-            /** @description Time of its start, RFC 3339. */
-            since: string;
-        };
-        /** @description Blocks of a version in the memory of one server. A block is 64 consecutive objects. */
-        MemberBlocks: {
-            /** @description Name of the catalogue; its id if it was removed. */
-            catalogue: string;
-            /** @description Whether sessions of the server use the version. */
-            is_used: boolean;
-            /**
-             * Format: int32
-             * @description Number of blocks of the version.
-             */
-            n_blocks: number;
-            /**
-             * Format: int32
-             * @description Number of blocks that the server holds.
-             */
-            n_held: number;
-            /**
-             * Format: int32
-             * @description Number of the version.
-             */
-            version: number;
-        };
-        /** @description The servers that divide the objects of catalogues among them. */
-        MemberServers: {
-            /**
-             * Format: int32
-             * @description Number of servers that hold each object; null if this server holds whole catalogues.
-             */
-            copies?: number | null;
-            /** @description The servers that are alive, the one that answers first; empty if it holds whole catalogues. */
-            members: components["schemas"]["Member"][];
-            /**
-             * Format: int32
-             * @description Number of servers that are alive but run another program, whose beliefs might differ in
-             *     their last bits; they are not asked.
-             */
-            n_foreign: number;
-        };
         /** @description Two versions whose contact maps are to be merged. */
         MergeMaps: {
             /** @description Whether to make the new version current. Default: true. */
@@ -3875,16 +3788,6 @@ export interface components {
          * @enum {string}
          */
         Method: "surface" | "sva" | "sva_literal" | "geometric" | "geometric_histogram" | "geometric_particles" | "appearance" | "appearance_literal";
-        /** @description Object that a belief leaves out. */
-        MissingObject: {
-            /** @description The object's name when it was trained. */
-            name: string;
-            /**
-             * Format: uuid
-             * @description The object's id.
-             */
-            object: string;
-        };
         /** @description Two objects whose touches look nearly the same. */
         NearDuplicate: {
             /**
@@ -17863,145 +17766,6 @@ export interface operations {
                      *       "status": 507,
                      *       "title": "Storage full",
                      *       "type": "urn:palpate:problem:storage-full"
-                     *     }
-                     */
-                    "application/problem+json": components["schemas"]["Problem"];
-                };
-            };
-        };
-    };
-    get_members: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        requestBody?: never;
-        responses: {
-            /** @description The servers */
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    /**
-                     * @example {
-                     *       "copies": null,
-                     *       "members": [],
-                     *       "n_foreign": 0
-                     *     }
-                     */
-                    "application/json": components["schemas"]["MemberServers"];
-                };
-            };
-            /** @description The API key is missing or not valid */
-            401: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    /**
-                     * @example {
-                     *       "detail": "the request has no API key",
-                     *       "errors": [],
-                     *       "instance": "/v1/members",
-                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
-                     *       "status": 401,
-                     *       "title": "Authentication required",
-                     *       "type": "urn:palpate:problem:unauthenticated"
-                     *     }
-                     */
-                    "application/problem+json": components["schemas"]["Problem"];
-                };
-            };
-            /** @description The key has none of the required roles: trainer, viewer, admin */
-            403: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    /**
-                     * @example {
-                     *       "detail": "the key \"arm-3\" has the role robot, expected trainer or admin",
-                     *       "errors": [],
-                     *       "instance": "/v1/members",
-                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
-                     *       "status": 403,
-                     *       "title": "Forbidden",
-                     *       "type": "urn:palpate:problem:forbidden"
-                     *     }
-                     */
-                    "application/problem+json": components["schemas"]["Problem"];
-                };
-            };
-            /** @description The client exceeds its share; `Retry-After` says when to try again */
-            429: {
-                headers: {
-                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
-                    RateLimit?: string;
-                    /** @description The limit: its name, quota `q` and unit `qu` */
-                    "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; absent if waiting does not help */
-                    "Retry-After"?: string;
-                    [name: string]: unknown;
-                };
-                content: {
-                    /**
-                     * @example {
-                     *       "detail": "32 requests wait for this session: try again in 1 s",
-                     *       "errors": [],
-                     *       "instance": "/v1/members",
-                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
-                     *       "status": 429,
-                     *       "title": "Rate limit exceeded",
-                     *       "type": "urn:palpate:problem:too-many-requests"
-                     *     }
-                     */
-                    "application/problem+json": components["schemas"]["Problem"];
-                };
-            };
-            /** @description Internal error, or the stored data is damaged */
-            500: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    /**
-                     * @example {
-                     *       "detail": "internal error; the server's log has the reason",
-                     *       "errors": [],
-                     *       "instance": "/v1/members",
-                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
-                     *       "status": 500,
-                     *       "title": "Internal error",
-                     *       "type": "urn:palpate:problem:internal"
-                     *     }
-                     */
-                    "application/problem+json": components["schemas"]["Problem"];
-                };
-            };
-            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
-            503: {
-                headers: {
-                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
-                    RateLimit?: string;
-                    /** @description The limit: its name, quota `q` and unit `qu` */
-                    "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; absent if waiting does not help */
-                    "Retry-After"?: string;
-                    [name: string]: unknown;
-                };
-                content: {
-                    /**
-                     * @example {
-                     *       "detail": "all places of the compute pool are taken: try again in 1 s",
-                     *       "errors": [],
-                     *       "instance": "/v1/members",
-                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
-                     *       "status": 503,
-                     *       "title": "Server overloaded",
-                     *       "type": "urn:palpate:problem:overloaded"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];

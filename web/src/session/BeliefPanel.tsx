@@ -34,13 +34,6 @@ export function BeliefPanel({ model }: { model: SessionModel }) {
   const turn = Math.hypot(sigma(3), sigma(4), sigma(5));
   return (
     <Panel title="Belief" aside={aside} class={isStale ? "stale" : ""}>
-      {belief.partial && (
-        <p class="note note-warn" role="status">
-          {plural(belief.n_missing_objects ?? 0, "object")} left out, since the servers that hold them did not answer:{" "}
-          {(belief.missing_objects ?? []).slice(0, 5).map((object) => object.name).join(", ")}
-          {(belief.n_missing_objects ?? 0) > 5 ? ", …" : ""}
-        </p>
-      )}
       {(belief.warnings ?? []).map((warning) => (
         <p class="note note-warn" key={warning.code} role="status">{warning.detail}</p>
       ))}

@@ -52,7 +52,6 @@ pub(super) fn config(args: ServeArgs) -> Config {
         training_time_max: Duration::from_secs(args.training_max_s),
         training_memory_bytes_max: args.training_memory_mb * 1_000_000,
         migrate: args.migrate,
-        dividing: args.store.dividing(),
         disk_reserve_bytes: args.disk_reserve_mb * 1_000_000,
         store_slack_bytes: args.store_slack_mb * 1_000_000,
         store_quota_bytes: Some(args.store_quota_mb * 1_000_000).filter(|bytes| *bytes > 0),

@@ -30,11 +30,6 @@ pub(crate) enum CatalogueError {
     )]
     ModelsInUse { catalogue: String, version: u32, needed: u64, in_use: u64, budget: u64 },
     #[error(
-        "{n_missing} blocks of 64 objects of version {version} of catalogue {catalogue:?} do not \
-         answer: the servers that hold them are late or have no room, try again"
-    )]
-    BlocksMissing { catalogue: String, version: u32, n_missing: u32 },
-    #[error(
         "version {version} of catalogue {catalogue:?} is damaged ({reason}): use another version, \
          train a new one, or restore a snapshot"
     )]

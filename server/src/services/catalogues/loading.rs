@@ -17,8 +17,6 @@ use palpate_store::model::TrainedModel;
 use palpate_store::model_codec::{CodecError, ModelPart};
 use uuid::Uuid;
 
-use super::blocks::n_blocks;
-use super::divided::outlined;
 use super::memory::NoRoom;
 use super::{CatalogueError, Catalogues, parameters_of};
 use crate::asker::Asker;
@@ -28,69 +26,18 @@ use crate::wire::count;
 /// Ratio of a surface's size in memory to its block's, unless a report states the size.
 const SURFACE_GROWTH: u64 = 16;
 
-/// Expected bytes of an outline. Chosen: its numbers, and a few axes of symmetry.
-const OUTLINE_BYTES: u64 = 512;
-
-/// What is in memory of a version.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Held {
-    /// A part of all its objects.
-    Part(ModelPart),
-    /// The outlines of its surfaces, whose maps members hold.
-    Outlines,
-    /// The surfaces of a block of its objects.
-    Block(u32),
-    /// The surface of one object.
-    Map(u32),
-}
-
-impl Held {
-    fn part(self) -> ModelPart {
-        match self {
-            Self::Part(part) => part,
-            Self::Outlines | Self::Block(_) | Self::Map(_) => ModelPart::Surface,
-        }
-    }
-}
-
-/// What is in memory, and of which version.
-pub(super) type Key = (Uuid, u32, Held);
+/// A part of a version.
+pub(super) type Key = (Uuid, u32, ModelPart);
 
 impl Catalogues {
-    /// A part of a version's model for sessions, from memory or the store. The surfaces of many
-    /// objects are divided among members if there are any.
+    /// A part of a version's model, from memory or the store.
     pub(crate) async fn load(
         &self,
         catalogue: Uuid,
         version: u32,
         part: ModelPart,
     ) -> Result<Arc<Model>, CatalogueError> {
-        let whole = (catalogue, version, Held::Part(part));
-        if part != ModelPart::Surface || self.blocks.is_none() {
-            return self.load_as(whole).await;
-        }
-        let outlines = (catalogue, version, Held::Outlines);
-        let known = self.memory.get(&outlines).or_else(|| self.memory.get(&whole));
-        if let Some(model) = known {
-            return Ok(model);
-        }
-        let n_objects = self.table.manifest(catalogue, version)?.objects.len();
-        self.load_as(if n_blocks(n_objects) > 1 { outlines } else { whole }).await
-    }
-
-    /// A part of a version's model with all its objects, for work on all of them.
-    pub(crate) async fn load_undivided(
-        &self,
-        catalogue: Uuid,
-        version: u32,
-        part: ModelPart,
-    ) -> Result<Arc<Model>, CatalogueError> {
-        self.load_as((catalogue, version, Held::Part(part))).await
-    }
-
-    async fn load_as(&self, key: Key) -> Result<Arc<Model>, CatalogueError> {
-        let (catalogue, version, held) = key;
-        let part = held.part();
+        let key = (catalogue, version, part);
         if let Some(model) = self.memory.get(&key) {
             return Ok(model);
         }
@@ -128,33 +75,16 @@ impl Catalogues {
                 budget: self.memory.budget(),
             },
         };
-        let expected = match held {
-            Held::Outlines => manifest.objects.len() as u64 * OUTLINE_BYTES,
-            Held::Part(_) | Held::Block(_) | Held::Map(_) => bytes_expected(&manifest, part),
-        };
+        let expected = bytes_expected(&manifest, part);
         self.memory.make_room(expected).map_err(|why| no_room(expected, why))?;
         let (table, read_name) = (self.table.clone(), name.clone());
         let tables = Arc::clone(&self.tables);
         let stop = Asker::current().overdue().clone();
-        let blocks = self.blocks.clone().filter(|_| held == Held::Outlines);
         let read = move || {
-            let core = match &blocks {
-                Some(blocks) => match outlined(&table, blocks, &manifest, &stop)? {
-                    Ok(core) => core,
-                    Err(n_missing) => return Ok(Err(n_missing)),
-                },
-                None => table.model_part(&manifest, part, &stop)?,
-            };
-            prepared_part(&table, read_name, manifest, core, part, &tables).map(Ok)
+            let core = table.model_part(&manifest, part, &stop)?;
+            prepared_part(&table, read_name, manifest, core, part, &tables)
         };
-        let read = match self.pool.place()?.run(read).await? {
-            Ok(Err(n_missing)) => {
-                return Err(CatalogueError::BlocksMissing { catalogue: name, version, n_missing });
-            }
-            Ok(Ok(model)) => Ok(model),
-            Err(error) => Err(error),
-        };
-        let model = match read {
+        let model = match self.pool.place()?.run(read).await? {
             Err(error @ (StoreError::Damaged { .. } | StoreError::Model { .. })) => {
                 let reason = error.to_string();
                 self.quarantine(catalogue, version, reason.clone());
@@ -196,13 +126,13 @@ impl Catalogues {
 
     /// The bytes of a part of all models in memory.
     pub(crate) fn bytes_in_memory(&self, part: ModelPart) -> u64 {
-        self.memory.bytes(|key| key.2.part() == part)
+        self.memory.bytes(|key| key.2 == part)
     }
 }
 
 /// Expected memory of a part: the size of its blocks; for surfaces the size reported by their
 /// training, since their tables are built when they are read.
-pub(super) fn bytes_expected(manifest: &Manifest, part: ModelPart) -> u64 {
+fn bytes_expected(manifest: &Manifest, part: ModelPart) -> u64 {
     let blocks = manifest.blocks.iter().filter(|block| part.needs(&block.name));
     let stored: u64 = blocks.map(|block| block.length).sum();
     match part {
@@ -231,13 +161,11 @@ fn prepared_part(
         (manifest.catalogue, manifest.version, manifest.objects.len());
     let what = part_name(part);
     tracing::info!("Read {what} of {n_objects} objects, version {version} of catalogue {name:?}");
-    if let Some(surface) = core.surface.as_ref().filter(|surface| !surface.is_divided()) {
+    if let Some(surface) = &core.surface {
         prepare(surface, &SurfaceOptions::default());
     }
     let symmetries: Arc<[Symmetry]> = match (&core.surface, part) {
-        (Some(surface), _) => {
-            (0..surface.n_objects()).map(|object| surface.symmetry(object).clone()).collect()
-        }
+        (Some(surface), _) => surface.maps().iter().map(|map| map.symmetry().clone()).collect(),
         (None, ModelPart::Sva) => table.symmetries(&manifest)?.into(),
         (None, _) => Arc::default(),
     };

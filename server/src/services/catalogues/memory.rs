@@ -68,40 +68,6 @@ impl<K: Copy + Ord, V> Memory<K, V> {
         Ok(value)
     }
 
-    /// The keys of all values.
-    pub(super) fn keys(&self) -> Vec<K> {
-        self.lock().entries.keys().copied().collect()
-    }
-
-    /// Whether `bytes` fit beside all values.
-    pub(super) fn fits(&self, bytes: u64) -> bool {
-        self.bytes(|_| true) + bytes <= self.budget
-    }
-
-    /// Whether a key has a value; no use of it.
-    pub(super) fn has(&self, key: &K) -> bool {
-        self.lock().entries.contains_key(key)
-    }
-
-    /// Removes a value; those who use it keep it as long as they do.
-    pub(super) fn remove(&self, key: &K) {
-        self.lock().entries.remove(key);
-    }
-
-    /// Leaves the `n` most recently used values whose keys satisfy `counts`, and those in use.
-    pub(super) fn leave(&self, n: usize, counts: impl Fn(&K) -> bool) {
-        let mut kept = self.lock();
-        let those = kept.entries.iter().filter(|(key, _)| counts(key));
-        let mut uses: Vec<(u64, K)> = those.map(|(key, entry)| (entry.last_use, *key)).collect();
-        uses.sort_unstable_by_key(|(last_use, _)| std::cmp::Reverse(*last_use));
-        for (_, key) in uses.into_iter().skip(n) {
-            let is_free = |entry: &Entry<V>| Arc::strong_count(&entry.value) == 1;
-            if kept.entries.get(&key).is_some_and(is_free) {
-                kept.entries.remove(&key);
-            }
-        }
-    }
-
     /// The total bytes of the values whose keys satisfy `counts`.
     pub(super) fn bytes(&self, counts: impl Fn(&K) -> bool) -> u64 {
         let kept = self.lock();
@@ -167,19 +133,6 @@ mod tests {
         assert_eq!(memory.get(&'b'), None);
         assert_eq!(memory.bytes(|key| *key == 'a'), 40);
         assert_eq!(memory.bytes(|_| true), 90);
-    }
-
-    #[test]
-    fn the_most_recently_used_of_some_values_are_left() {
-        let memory = two();
-        memory.keep('c', 'c', 1).unwrap();
-        memory.leave(1, |key| *key != 'c');
-        assert_eq!(memory.keys(), ['a', 'c'], "`b` was used before `a`");
-        let _in_use = memory.get(&'a');
-        memory.leave(0, |_| true);
-        assert_eq!(memory.keys(), ['a']);
-        memory.remove(&'a');
-        assert!(!memory.has(&'a'));
     }
 
     #[test]

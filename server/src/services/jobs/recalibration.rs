@@ -80,8 +80,7 @@ impl Jobs {
         let version = request.version.unwrap_or_default();
         let sessions = request.sessions.unwrap_or_default();
         let (target, parameters) = self.target(&catalogue, version)?;
-        let model =
-            self.catalogues.load_undivided(catalogue.id, version, ModelPart::Surface).await?;
+        let model = self.catalogues.load(catalogue.id, version, ModelPart::Surface).await?;
         let (heard, named) = (Arc::clone(control), target.clone());
         let work = move |store: &Database, sensors: &Arc<Sensors>| {
             let sources = Sources { store, sensors: sensors.known() };

@@ -80,8 +80,8 @@ impl Jobs {
         let old = self.target(&catalogue, against)?.0;
         let new = self.target(&catalogue, version)?.0;
         let part = ModelPart::Surface;
-        let old_model = self.catalogues.load_undivided(catalogue.id, against, part).await?;
-        let new_model = self.catalogues.load_undivided(catalogue.id, version, part).await?;
+        let old_model = self.catalogues.load(catalogue.id, against, part).await?;
+        let new_model = self.catalogues.load(catalogue.id, version, part).await?;
         let heard = Arc::clone(control);
         let work = move |store: &Database, sensors: &Arc<Sensors>| {
             let sources = Sources { store, sensors: sensors.known() };
