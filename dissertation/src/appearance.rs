@@ -226,7 +226,6 @@ impl AppearanceBelief {
             n_readings: self.n_readings,
             sensor_shift: None,
             image_doubt: None,
-            missing: Vec::new(),
         }
     }
 

@@ -5,7 +5,6 @@
 //! order in which they may use each other; only `belief` has state. Not here: the dissertation's
 //! methods.
 
-mod coding;
 pub mod options;
 pub mod pose_prior;
 pub mod model;

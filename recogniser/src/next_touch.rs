@@ -15,7 +15,6 @@ pub mod interest;
 #[cfg(test)]
 mod tests;
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -45,9 +44,6 @@ const SCATTER_OF_POSES: (f32, f32) = (2.5 * MM as f32, 0.25);
 
 /// Variance of an outcome's appearance, relative to that between two touches of one place.
 const SCATTER_OF_APPEARANCE: f32 = 4.0;
-
-/// Maps by the indices of their objects.
-type MapsOf = BTreeMap<usize, Arc<SurfaceMap>>;
 
 /// A press that a robot can make: from a pose along its own +z until contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -157,8 +153,6 @@ const KNOWN_MIN: f64 = 1e-9;
 /// Ranks `given` approaches, or our own if there are none, by equation R27, and the best of them by
 /// equation R27b, unless nothing was touched yet or an approach has a cost.
 ///
-/// Samples of objects whose map does not come are left out.
-///
 /// `should_stop` is called before every approach but the first, and before every press of the best
 /// whose next ones are looked at; what was evaluated until then is ranked, by equation R27 alone if
 /// it was not all. Equal arguments give equal answers if both are complete.
@@ -180,8 +174,7 @@ pub fn rank(
         (0, Some(workspace)) => anywhere_in(belief, &workspace, options.n_hypotheses, &mut stream),
         _ => belief.samples(options.n_hypotheses, &mut stream),
     };
-    let maps = belief.model().maps_of(&samples.iter().map(PoseSample::index).collect());
-    samples.retain(|sample| maps.contains_key(&sample.index()));
+    let maps = belief.model().maps();
     let total: f64 = samples.iter().map(|sample| sample.probability).sum();
     if total > 0.0 {
         let known = (1.0 - unknown).max(KNOWN_MIN);
@@ -191,7 +184,7 @@ pub fn rank(
     let approaches = match given {
         Some(given) => given,
         None => {
-            own = own_approaches(&maps, &samples, options, &mut stream);
+            own = own_approaches(maps, &samples, options, &mut stream);
             own.as_slice()
         }
     };
@@ -200,7 +193,7 @@ pub fn rank(
     let known = samples.iter().map(|sample| (sample.object, sample.probability as f32));
     let shares = Shares::new(known, unknown as f32);
     let likeness = |approach: &Approach| {
-        let outcomes = outcomes(&maps, &samples, approach, &hand);
+        let outcomes = outcomes(maps, &samples, approach, &hand);
         Likeness::of(&outcomes, unknown as f32, &scatter)
     };
     let mut ranked = Vec::with_capacity(approaches.len());
@@ -235,12 +228,12 @@ pub fn rank(
 
 /// The outcome of an approach under each sample.
 fn outcomes(
-    maps: &MapsOf,
+    maps: &[Arc<SurfaceMap>],
     samples: &[PoseSample],
     approach: &Approach,
     hand: &Hand,
 ) -> Vec<Outcome> {
-    let of = |sample: &PoseSample| outcome(&maps[&sample.index()], sample, approach, hand);
+    let of = |sample: &PoseSample| outcome(&maps[sample.index()], sample, approach, hand);
     samples.iter().map(of).collect()
 }
 

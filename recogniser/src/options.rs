@@ -5,8 +5,6 @@
 use palpate_core::reading::Looseness;
 use palpate_core::units::MM;
 
-mod coded;
-
 /// Deviations of a touch from the patch that explains it (equations R4 to R7).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TouchScale {

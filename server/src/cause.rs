@@ -1,7 +1,6 @@
 //! Causes of errors that several services share: the enum of each service wraps them, and a
 //! service without errors of its own returns them.
 
-use palpate_recogniser::model::Unanswered;
 use palpate_store::engine::EngineError;
 use palpate_store::error::StoreError;
 use palpate_store::journal::AppendError;
@@ -38,8 +37,6 @@ pub(crate) enum Cause {
     Compute(#[from] ComputeError),
     #[error(transparent)]
     Store(#[from] StoreError),
-    #[error(transparent)]
-    Unanswered(#[from] Unanswered),
     #[error("a task of the server panicked")]
     Panicked,
 }

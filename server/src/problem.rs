@@ -208,7 +208,6 @@ fn cause(error: &Cause) -> Answer {
         Cause::ReadingConflict { pointer, .. } => Answer::at(ProblemType::Conflict, pointer, error),
         Cause::Compute(ComputeError::Full { places }) => overloaded("compute", "places", *places),
         Cause::Compute(ComputeError::Stopped) => ProblemType::Overloaded.into(),
-        Cause::Unanswered(_) => ProblemType::Unavailable.into(),
         Cause::Store(error) | Cause::UnknownSensor(UnknownSensor::Store(error)) => store(error),
         Cause::Compute(ComputeError::Panicked)
         | Cause::Unusable { .. }

@@ -30,9 +30,6 @@ pub struct Answer {
     /// Order of the images that explains the touches better than the stated one; `None` as for
     /// `sensor_shift`, and when none does.
     pub image_doubt: Option<ImageDoubt>,
-    /// Objects of a divided catalogue whose part did not answer, in their order: each is left out,
-    /// or at least its poses are. None otherwise.
-    pub missing: Vec<ObjectIdx>,
 }
 
 /// How images look at the likeliest pose.
@@ -209,7 +206,6 @@ pub fn answer(
         n_readings,
         sensor_shift: None,
         image_doubt: None,
-        missing: Vec::new(),
     }
 }
 

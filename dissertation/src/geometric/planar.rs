@@ -187,7 +187,6 @@ impl PlanarBelief {
             n_readings,
             sensor_shift: None,
             image_doubt: None,
-            missing: Vec::new(),
         }
     }
 

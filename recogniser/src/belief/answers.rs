@@ -3,8 +3,6 @@
 //! A hypothesis represents all that look alike: those in one orbit of the object's symmetry
 //! become one answer with the sum of their probabilities.
 
-use std::collections::BTreeSet;
-
 use glam::DVec3;
 use palpate_core::belief::answer::{Answer, PoseMode, SensorShift};
 use palpate_core::belief::orbits::merge_orbits;
@@ -65,15 +63,10 @@ pub(super) fn answer(
             poses.extend(shares(place, probability, &belief.hypotheses, symmetry, n_modes));
         }
     }
-    let mut poses = distinct(poses, |object| model.symmetry(object), n_modes, options);
-    let posed: BTreeSet<usize> = poses.iter().map(|found| found.object).collect();
-    let maps = model.maps_of(&posed);
-    let missing = posed.into_iter().filter(|object| !maps.contains_key(object));
-    let missing = missing.map(|object| ObjectIdx(object as u32)).collect();
-    poses.retain(|found| maps.contains_key(&found.object));
+    let poses = distinct(poses, |object| model.symmetry(object), n_modes, options);
     let (mut sensor_shift, mut doubt) = (None, None);
     let mode = |Share { share: weight, component, object, hypothesis }: Share| {
-        let (of, map, kernel) = (&components[component], &maps[&object], &common.kernel);
+        let (of, map, kernel) = (&components[component], &model.maps()[object], &common.kernel);
         let (mut refined, n_touches) = (hypothesis, of.touches.len());
         if n_touches >= REFINED_FROM && weight > LIKELY_ENOUGH {
             refine(&mut refined, map, of.touches, kernel, options);
@@ -103,7 +96,6 @@ pub(super) fn answer(
         n_readings: 0,
         sensor_shift,
         image_doubt: doubt,
-        missing,
     }
 }
 

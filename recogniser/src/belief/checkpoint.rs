@@ -180,6 +180,5 @@ fn object(from: &mut &[u8], is_ruled_out: bool) -> Result<ObjectBelief, NotCheck
         retrieval_score,
         motion_prior: MotionPrior { poses, position, angle, stated: None },
         is_ruled_out,
-        is_missing: false,
     })
 }

@@ -2,27 +2,30 @@
 //!
 //! [`Component::add`] is the algorithm: observe, propose, verify, refine, weigh.
 
-use std::collections::BTreeSet;
-
 use palpate_core::log_prob::log_sum_exp;
 use palpate_core::reading::Looseness;
 
 use super::common::Common;
+use super::first_touch::weigh_appearance;
 use super::motion::Motion;
 use super::object::{ObjectBelief, n_searched, searched};
 use super::places::{NEGLIGIBLE, Places};
-use super::positions;
+use super::positions::{self, propose_by_positions};
 use super::posterior::{Explained, n_weighed, posterior};
 use super::retrieval::{n_candidates, retrieval_bar, retrieve};
-use super::scatter::perform;
-use super::search::{Scope, best_explanation, best_to_refine, bound, evidence_bar, merge_all};
+use super::search::{
+    Scope, add_scores, best_explanation, best_to_refine, bound, evidence_bar, merge_all,
+    propose_poses, score_anew, settle_chosen,
+};
 use super::stage::Stage;
-use super::work::Work;
 use crate::model::joint_pairs::TOUCHES_PER_OBJECT;
+use crate::observe::inverse_pose::InversePose;
 use crate::observe::observation::{Observation, Says};
 use crate::observe::press_space::PressSpace;
-use crate::propose::partners::{in_turn, partners};
+use crate::propose::partners::{Partner, in_turn, partners};
 use crate::refine::likeness::look_alike;
+use crate::refine::settle::settle;
+use crate::verify::evidence::Known;
 use crate::verify::hypothesis::Hypothesis;
 use stating::Stating;
 
@@ -152,26 +155,32 @@ impl Component {
         if self.touches.is_empty() {
             return;
         }
-        self.work(common, &Work::AddNewest { is_touch: false });
+        let evidence = common.evidence(&self.touches, &self.spaces);
+        let press = |known: Known<'_>, pose: &InversePose| evidence.newest_press(known.map, pose);
+        add_scores(&mut self.objects, &evidence, press);
         if self.stage == Stage::Poses {
             self.weigh(common);
         }
     }
 
-    /// The evidence of one touch: its appearance. Equation R17 of docs/recogniser.md, k = 1.
+    /// The evidence of one touch, unless it lacks appearance.
     fn weigh_appearance(&mut self, common: &Common) {
         if self.touches[0].says != Says::All {
             return;
         }
         self.stage = Stage::Appearance;
         let patches_max = if common.model.is_large() { TOUCHES_PER_OBJECT } else { usize::MAX };
-        self.work(common, &Work::WeighAppearance { patches_max });
+        let evidence = common.evidence(&self.touches, &self.spaces);
+        weigh_appearance(&mut self.objects, &evidence, patches_max);
         self.weigh_stated(common, 1.0);
     }
 
     /// Lays the poses of before a move onto the touches since.
     fn follow(&mut self, common: &Common) {
-        self.work(common, &Work::ScoreAnew { settles: true });
+        let evidence = common.evidence(&self.touches, &self.spaces);
+        score_anew(&mut self.objects, &evidence, |hypothesis, known| {
+            settle(&evidence, hypothesis, known);
+        });
     }
 
     /// Scores every hypothesis by the newest touch or, if the object drifts, by all touches,
@@ -180,13 +189,16 @@ impl Component {
         if self.motion.drift().is_some() {
             self.score_anew(common);
         } else {
-            self.work(common, &Work::AddNewest { is_touch: true });
+            let evidence = common.evidence(&self.touches, &self.spaces);
+            let newest = |known: Known<'_>, pose: &InversePose| evidence.newest(known.map, pose);
+            add_scores(&mut self.objects, &evidence, newest);
             self.weigh(common);
         }
     }
 
     fn score_anew(&mut self, common: &Common) {
-        self.work(common, &Work::ScoreAnew { settles: false });
+        let evidence = common.evidence(&self.touches, &self.spaces);
+        score_anew(&mut self.objects, &evidence, |_, _| ());
         self.weigh(common);
     }
 
@@ -230,11 +242,10 @@ impl Component {
             retrieval_bar(&self.objects, n_candidates(budget, n_objects, n, is_open))
         });
         let scope = Scope::in_doubt(&self.objects, reach, least, is_large, options);
-        let needs_positions = positions::are_needed(&self.touches);
-        self.work(common, &Work::Propose { partners: asked, scope });
-        if needs_positions {
-            let n_objects = self.objects.len();
-            self.work(common, &Work::ProposeByPositions { scope, n_objects });
+        self.propose(common, &asked, &scope);
+        if positions::are_needed(&self.touches) {
+            let evidence = common.evidence(&self.touches, &self.spaces);
+            propose_by_positions(&mut self.objects, &evidence, &scope);
         }
         if is_open {
             self.propose_stated(common);
@@ -249,7 +260,13 @@ impl Component {
         let asked = in_turn(&partners, None, self.touches.len(), &common.options);
         let is_large = common.model.is_large();
         let scope = Scope::in_doubt(&self.objects, reach, None, is_large, &common.options);
-        self.work(common, &Work::Propose { partners: asked, scope });
+        self.propose(common, &asked, &scope);
+    }
+
+    /// The newest touch and each partner propose poses of the objects in scope.
+    fn propose(&mut self, common: &Common, partners: &[Partner], scope: &Scope) {
+        let evidence = common.evidence(&self.touches, &self.spaces);
+        propose_poses(&mut self.objects, &evidence, partners, scope);
     }
 
     /// Looks the newest touch up in the joint table with each partner; `None` without a table.
@@ -260,7 +277,8 @@ impl Component {
 
     fn refine(&mut self, common: &Common) {
         let chosen = best_to_refine(&self.objects, &common.options);
-        self.work(common, &Work::Settle { chosen });
+        let evidence = common.evidence(&self.touches, &self.spaces);
+        settle_chosen(&mut self.objects, &evidence, &chosen);
         merge_all(&mut self.objects, &common.options);
     }
 
@@ -314,17 +332,6 @@ impl Component {
     pub(super) fn conclude(&mut self, stage: Stage, objects: Vec<ObjectBelief>, places: Places) {
         (self.stage, self.objects, self.places) = (stage, objects, places);
         self.restate();
-    }
-
-    /// Leaves objects out.
-    pub(super) fn leave_out(&mut self, missing: &BTreeSet<usize>) {
-        missing.iter().for_each(|index| self.objects[*index].leave_out());
-    }
-
-    /// Does work on the objects by all observations.
-    fn work(&mut self, common: &Common, work: &Work) {
-        let evidence = common.evidence(&self.touches, &self.spaces);
-        perform(work, &mut self.objects, &evidence, &common.model);
     }
 
     /// The inputs of the posterior.

@@ -27,10 +27,8 @@ pub(super) struct ObjectBelief {
     pub(super) retrieval_score: f64,
     /// Prior of its pose after an announced move.
     pub(super) motion_prior: MotionPrior,
-    /// Whether its prior is zero or it is missing, so that it is excluded from the search.
+    /// Whether its prior is zero, so that it is excluded from the search.
     pub(super) is_ruled_out: bool,
-    /// Whether its part of a divided catalogue did not answer.
-    pub(super) is_missing: bool,
 }
 
 impl ObjectBelief {
@@ -39,15 +37,6 @@ impl ObjectBelief {
         let mut object = Self { is_ruled_out: is_impossible(log_prior), ..Self::default() };
         object.forget_evidence();
         object
-    }
-
-    /// Leaves it out of the belief, since its part did not answer.
-    pub(super) fn leave_out(&mut self) {
-        (self.is_ruled_out, self.is_missing) = (true, true);
-        self.hypotheses = Vec::new();
-        self.motion_prior =
-            MotionPrior { stated: self.motion_prior.stated.take(), ..MotionPrior::default() };
-        self.forget_evidence();
     }
 
     /// Resets the evidence to 0 unless the object is ruled out.

@@ -60,16 +60,14 @@ pub(super) fn are_needed(touches: &[Observation]) -> bool {
     touches.iter().filter(|touch| touch.says != Says::Position).count() < 2
 }
 
-/// Three touches propose poses of the objects in scope, of a catalogue of `n_objects`; all touches
-/// judge them.
+/// Three touches propose poses of the objects in scope; all touches judge them.
 pub(super) fn propose_by_positions(
     objects: &mut [ObjectBelief],
     evidence: &Evidence<'_>,
     scope: &Scope,
-    n_objects: usize,
 ) {
     let Some(three) = widest(evidence.touches) else { return };
-    let effort = match n_objects {
+    let effort = match objects.len() {
         0..MANY => (PATCHES, TRIPLES_MAX),
         _ => (PATCHES_IF_MANY, TRIPLES_MAX_IF_MANY),
     };

@@ -81,7 +81,7 @@ pub fn recalibrate(
     progress: &Progress<'_>,
 ) -> Option<Recalibration> {
     let (tasks, halves) = (tasks(past), halves(past));
-    let widths = widths(model);
+    let widths = widths(model.calibration.width);
     let (done, total) = (AtomicUsize::new(0), (widths.len() + 1) * tasks.len());
     let run = |with_samples: bool, model_of: &(dyn Fn(Task) -> Arc<SurfaceModel> + Sync)| {
         let one = |task: &Task| {
@@ -184,12 +184,8 @@ fn fit<'a>(
     Fitted { calibration, loss }
 }
 
-/// The widths to try, that of before first. A divided model has outlines of one width alone.
-fn widths(model: &SurfaceModel) -> Vec<f64> {
-    let before = model.calibration.width;
-    if model.is_divided() {
-        return vec![before];
-    }
+/// The widths to try, that of before first.
+fn widths(before: f64) -> Vec<f64> {
     let others = WIDTHS.into_iter().filter(|width| width.total_cmp(&before) != Ordering::Equal);
     std::iter::once(before).chain(others).collect()
 }

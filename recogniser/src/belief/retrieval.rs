@@ -1,11 +1,10 @@
 //! Candidates in a large catalogue: retrieval scores add up from lookup to lookup.
 
 use super::object::{ObjectBelief, n_searched};
-use super::scatter::look_up;
 use crate::model::SurfaceModel;
 use crate::observe::observation::Observation;
 use crate::options::{Budget, SurfaceOptions};
-use crate::propose::retrieval::{gains, mean_of};
+use crate::propose::retrieval::{estimate, gains, mean_of};
 
 /// Number of eighths in a full list of candidates.
 const EIGHTHS: usize = 8;
@@ -25,16 +24,12 @@ pub(super) fn retrieve(
     options: &SurfaceOptions,
 ) -> Option<Vec<f32>> {
     let [earlier @ .., newest] = touches else { return None };
-    if !model.is_large() {
-        return None;
-    }
+    let joint = model.joint_pairs()?;
     let wanted: Vec<bool> = objects.iter().map(|object| !object.is_ruled_out).collect();
     let partners: Vec<&Observation> = partners.iter().map(|n| &earlier[*n]).collect();
-    let found = look_up(objects, model, newest, &partners, &wanted, options);
-    // After the lookup, which leaves out what does not answer.
     let n_searched = n_searched(objects).max(1);
     let mut shares = Vec::with_capacity(partners.len());
-    for estimates in found {
+    for estimates in estimate(joint, newest, &partners, &wanted, options) {
         shares.push(mean_of(&estimates, n_searched, |estimate| estimate.geometry));
         let Some(gains) = gains(&estimates, options.retrieval_floor) else { continue };
         for ((object, estimate), gain) in objects.iter_mut().zip(&estimates).zip(gains) {

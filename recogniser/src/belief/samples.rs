@@ -11,7 +11,6 @@ use palpate_core::rng::Stream;
 
 use super::common::Common;
 use super::object::ObjectBelief;
-use crate::model::SurfaceMap;
 use crate::observe::observation::{Observation, Says};
 use crate::observe::stretch::stretch_ratio;
 
@@ -53,8 +52,7 @@ pub(super) struct Posed<'a> {
 }
 
 /// About `n` poses of the likeliest objects; none before the first touch. `posterior` has the
-/// probability of each object and then of "none of these". After one touch an object whose map does
-/// not come has none.
+/// probability of each object and then of "none of these".
 pub(super) fn samples(
     common: &Common,
     posed: &Posed<'_>,
@@ -74,14 +72,11 @@ pub(super) fn samples(
         share if share > 1.0 - PROBABILITY_MIN => 1.0,
         share => share,
     };
-    let is_laid = posed_share < 1.0;
-    let laid = probable.iter().filter(|_| is_laid).map(|(object, _)| object.0 as usize);
-    let maps = common.model.maps_of(&laid.collect());
     for (object, share) in probable {
         let wanted = |share: f64| ((n as f64 * share).round() as usize).max(POSES_MIN);
-        if is_laid && let Some(map) = maps.get(&(object.0 as usize)) {
+        if posed_share < 1.0 {
             let share = (1.0 - posed_share) * share;
-            let laid = Laid { object, map, share, n: wanted(share) };
+            let laid = Laid { object, share, n: wanted(share) };
             lay_onto_first_touch(common, posed, &laid, stream, &mut samples);
         }
         if posed_share <= 0.0 {
@@ -114,9 +109,8 @@ fn probable_objects(posterior: &[f64]) -> Vec<(ObjectIdx, f64)> {
 }
 
 /// An object that is laid onto a touch in `n` poses, with its share of the belief.
-struct Laid<'a> {
+struct Laid {
     object: ObjectIdx,
-    map: &'a SurfaceMap,
     share: f64,
     n: usize,
 }
@@ -126,11 +120,11 @@ struct Laid<'a> {
 fn lay_onto_first_touch(
     common: &Common,
     posed: &Posed<'_>,
-    &Laid { object, map, share, n }: &Laid<'_>,
+    &Laid { object, share, n }: &Laid,
     stream: &mut Stream,
     samples: &mut Vec<PoseSample>,
 ) {
-    let touch = &posed.touches[0];
+    let (touch, map) = (&posed.touches[0], &common.model.maps()[object.0 as usize]);
     let mut weights = Vec::with_capacity(map.patches().len() * N_TURNS);
     for patch in map.patches() {
         let ratio = touch.appearance_ratio(&patch.feature);

@@ -18,14 +18,14 @@ const REFINED_PER_OBJECT: usize = 3;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scope {
     /// Least evidence (ln) of an object that gets proposals.
-    pub(super) evidence_min: f64,
+    evidence_min: f64,
     /// Least retrieval score of an object that gets proposals regardless of its evidence; `None`
     /// in a small catalogue.
-    pub(super) retrieval_min: Option<f64>,
+    retrieval_min: Option<f64>,
     /// Least evidence (ln) of an object whose proposals are refined before they are merged.
-    pub(super) refined_min: f64,
+    refined_min: f64,
     /// Least score of a pose; poses below it are far behind another object's best and are dropped.
-    pub(super) score_min: f32,
+    score_min: f32,
 }
 
 impl Scope {

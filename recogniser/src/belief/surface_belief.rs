@@ -97,9 +97,7 @@ impl SurfaceBelief {
         for (index, drifting) in self.drifting.iter_mut().enumerate() {
             drifting.add(&self.common, &observed, leader == Some(index));
         }
-        self.leave_out_missing();
         self.doubt_rest();
-        self.leave_out_missing();
     }
 
     /// Turns a reading or a contact into observations.
@@ -272,10 +270,7 @@ impl SurfaceBelief {
         });
         let weighed: Vec<Weighed<'_>> = weighed.collect();
         let answer = answer(&self.common, self.anchor, &weighed, self.posterior(), n_modes);
-        let mut missing = self.missing_objects();
-        missing.extend(answer.missing);
-        missing.sort_unstable();
-        Answer { n_readings: self.n_readings, missing, ..answer }
+        Answer { n_readings: self.n_readings, ..answer }
     }
 
     /// About `n` poses of the likeliest objects, drawn from the posterior; none before the first
@@ -289,8 +284,7 @@ impl SurfaceBelief {
         samples(&self.common, &posed, &self.posterior(), n, stream)
     }
 
-    /// The conclusions from the readings so far, as bytes, little-endian. Those of a belief with
-    /// missing objects must not be kept: they would stay missing.
+    /// The conclusions from the readings so far, as bytes, little-endian.
     #[must_use]
     pub fn checkpoint(&self) -> Vec<u8> {
         let conclusions = |component: &Component| {
@@ -385,7 +379,6 @@ impl SurfaceBelief {
 }
 
 mod examined;
-mod missing;
 mod patches;
 mod questions;
 mod stating;

@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 
 /// Number of kinds of touches: those that say everything, those without appearance, and those
 /// with nothing but their position.
-pub(super) const KINDS: usize = 3;
+const KINDS: usize = 3;
 
 /// The scores of all maps. They are derived, so models are compared without them.
 #[derive(Debug)]

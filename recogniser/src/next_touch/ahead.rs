@@ -40,7 +40,7 @@ pub(super) fn later_worths(
             });
             second.fold(0.0, f64::max)
         };
-        // Without samples, as of a catalogue whose maps do not come, there is no truth to draw.
+        // Without samples there is no truth to draw.
         worths.push(truths.iter().map(best_after).sum::<f64>() / truths.len().max(1) as f64);
     }
     Some(worths)

@@ -5,10 +5,11 @@
 //! near the centre of the object from a random direction, since the samples may be wrong.
 
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 
-use super::{Approach, MapsOf, NextTouchOptions};
+use super::{Approach, NextTouchOptions};
 use crate::belief::PoseSample;
 use crate::model::SurfaceMap;
 use palpate_core::pose::Pose;
@@ -35,7 +36,7 @@ const BLIND_RADII: f64 = 0.5;
 
 /// Approaches towards the samples' objects; none without samples.
 pub(super) fn own_approaches(
-    maps: &MapsOf,
+    maps: &[Arc<SurfaceMap>],
     samples: &[PoseSample],
     options: &NextTouchOptions,
     stream: &mut Stream,
@@ -46,7 +47,7 @@ pub(super) fn own_approaches(
     }
     let approach = |index: usize| {
         let sample = drawn(samples, total * stream.uniform(0.0, 1.0));
-        let map = &maps[&sample.index()];
+        let map = &maps[sample.index()];
         if index % BLIND_EVERY == BLIND_EVERY - 1 {
             return blind(map, sample, stream);
         }

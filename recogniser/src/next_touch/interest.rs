@@ -20,9 +20,9 @@ use rayon::prelude::*;
 use super::candidates::{Way, hidden_by, way_to};
 use super::footprint::Hand;
 use super::information::{Outcome, alike, bits_if_true};
-use super::{Approach, MapsOf, NextTouchOptions, outcome, scatter};
+use super::{Approach, NextTouchOptions, outcome, scatter};
 use crate::belief::{PoseSample, SurfaceBelief};
-use crate::model::{SurfaceMap, SurfaceModel, SurfacePatch, Unanswered};
+use crate::model::{SurfaceMap, SurfaceModel, SurfacePatch};
 use crate::options::SurfaceOptions;
 
 /// Maximum number of places of an object: the first patches of its map, which cover it evenly.
@@ -89,32 +89,18 @@ impl Interest {
 ///
 /// At most [`PLACES_MAX`] places against at most [`RIVALS_MAX`] rivals: of a larger catalogue those
 /// with the most evidence after eight touches spread over the object.
-///
-/// # Errors
-/// [`Unanswered`] when a part of a divided model does not answer.
-pub fn interest(
-    model: &Arc<SurfaceModel>,
-    object: ObjectIdx,
-    stop: &Stop,
-) -> Result<Interest, Unanswered> {
-    let own = object.0 as usize;
-    let map = &model.map(own)?;
-    let rivals = rivals(model, object, map, stop)?;
-    let known = rivals.iter().map(|rival| rival.0 as usize).chain([own]);
-    let maps = model.maps_of(&known.collect());
-    if maps.len() <= rivals.len() {
-        return Err(Unanswered);
-    }
-    let placed: Vec<Vec<PoseSample>> = rivals
-        .par_iter()
-        .map(|rival| poses(model, (*rival, &maps[&(rival.0 as usize)]), map, stop))
-        .collect();
+#[must_use]
+pub fn interest(model: &Arc<SurfaceModel>, object: ObjectIdx, stop: &Stop) -> Interest {
+    let map = &model.maps()[object.0 as usize];
+    let rivals = rivals(model, object, stop);
+    let placed: Vec<Vec<PoseSample>> =
+        rivals.par_iter().map(|rival| poses(model, *rival, map, stop)).collect();
     let n = map.patches().len().min(PLACES_MAX);
     let likenesses: Vec<Vec<f32>> = map.patches()[..n]
         .par_iter()
         .map(|patch| {
             stop.check();
-            likenesses(&maps, object, patch, &placed)
+            likenesses(model.maps(), object, patch, &placed)
         })
         .collect();
     let place = |(patch, alike): (&SurfacePatch, &Vec<f32>)| InterestPlace {
@@ -131,32 +117,24 @@ pub fn interest(
         })
         .collect();
     rivals.sort_by(|a, b| b.likeness.total_cmp(&a.likeness).then(a.object.cmp(&b.object)));
-    Ok(Interest { places: map.patches().iter().zip(&likenesses).map(place).collect(), rivals })
+    Interest { places: map.patches().iter().zip(&likenesses).map(place).collect(), rivals }
 }
 
 /// The objects that an object is compared with, in the order of the catalogue.
-fn rivals(
-    model: &Arc<SurfaceModel>,
-    object: ObjectIdx,
-    map: &SurfaceMap,
-    stop: &Stop,
-) -> Result<Vec<ObjectIdx>, Unanswered> {
+fn rivals(model: &Arc<SurfaceModel>, object: ObjectIdx, stop: &Stop) -> Vec<ObjectIdx> {
     let own = object.0 as usize;
     let mut others: Vec<usize> = (0..model.n_objects()).filter(|other| *other != own).collect();
     if others.len() > RIVALS_MAX {
         let prior: Vec<f64> =
             (0..model.n_objects()).map(|other| f64::from(u8::from(other != own))).collect();
-        let touches = map.patches();
+        let touches = model.maps()[own].patches();
         let belief = felt(model, Some(&prior), &touches[..touches.len().min(CHOSEN_BY)], stop);
-        if !belief.missing_objects().is_empty() {
-            return Err(Unanswered);
-        }
         let evidence = belief.log_evidence();
         others.sort_by(|a, b| evidence[*b].total_cmp(&evidence[*a]).then(a.cmp(b)));
         others.truncate(RIVALS_MAX);
         others.sort_unstable();
     }
-    Ok(others.into_iter().map(|other| ObjectIdx(other as u32)).collect())
+    others.into_iter().map(|other| ObjectIdx(other as u32)).collect()
 }
 
 /// The belief after touches of patches.
@@ -175,13 +153,8 @@ fn felt(
 
 /// The poses in which touches of a map look like a rival's, with probabilities that sum to 1. Each
 /// rival is searched by itself, so that a better one does not end its search.
-fn poses(
-    model: &SurfaceModel,
-    (rival, own): (ObjectIdx, &Arc<SurfaceMap>),
-    map: &SurfaceMap,
-    stop: &Stop,
-) -> Vec<PoseSample> {
-    let alone = Arc::new(model.with_maps(vec![Arc::clone(own)]));
+fn poses(model: &SurfaceModel, rival: ObjectIdx, map: &SurfaceMap, stop: &Stop) -> Vec<PoseSample> {
+    let alone = Arc::new(model.with_maps(vec![Arc::clone(&model.maps()[rival.0 as usize])]));
     let patches = map.patches();
     let belief = felt(&alone, None, &patches[..patches.len().min(PLACED_BY)], stop);
     let mut stream = Stream::new(0, Purpose::NextTouch, u64::from(rival.0));
@@ -196,7 +169,7 @@ fn poses(
 
 /// The likeness of a touch at a patch of an object to that of each rival in its poses.
 fn likenesses(
-    maps: &MapsOf,
+    maps: &[Arc<SurfaceMap>],
     object: ObjectIdx,
     patch: &SurfacePatch,
     placed: &[Vec<PoseSample>],
@@ -205,10 +178,10 @@ fn likenesses(
     let hand = Hand { half_width: options.half_width as f32, recenters: options.recenters };
     // Poses are known, as after several touches.
     let scatter = scatter(1.0);
-    let own = &maps[&(object.0 as usize)];
+    let own = &maps[object.0 as usize];
     let approach = approach(own, patch);
     let met = |sample: &PoseSample| -> Outcome {
-        outcome(&maps[&sample.index()], sample, &approach, &hand)
+        outcome(&maps[sample.index()], sample, &approach, &hand)
     };
     let truth = PoseSample { object, session_from_object: Pose::IDENTITY, probability: 1.0 };
     let truth = met(&truth);
@@ -326,7 +299,7 @@ mod tests {
         let mug = [cup(radius, 0.060), handle(radius)].concat();
         let cups = [cup(radius, 0.060), cup(radius, 0.060)];
         let model = model([vec![mug], cups.to_vec()].concat().into_iter().map(thinned).collect());
-        let found = interest(&model, ObjectIdx(0), &Stop::never()).unwrap();
+        let found = interest(&model, ObjectIdx(0), &Stop::never());
         let on_handle = mean_bits(&found, |at| at.x > radius + 0.008);
         let on_body = mean_bits(&found, |at| at.x < 0.0);
         // Of three objects at most log2 3 = 1.58 bits.
@@ -337,15 +310,14 @@ mod tests {
             "{found:?}"
         );
         // To a cup the mug is as alike, except that the handle is not on it.
-        let of_cup = interest(&model, ObjectIdx(1), &Stop::never()).unwrap();
+        let of_cup = interest(&model, ObjectIdx(1), &Stop::never());
         assert_eq!(of_cup.rivals[0].object, ObjectIdx(2), "its twin is the most alike");
         assert!(of_cup.rivals[0].likeness > 0.95, "{:?}", of_cup.rivals);
     }
 
     #[test]
     fn a_single_object_has_nothing_to_be_told_from() {
-        let found =
-            interest(&model(vec![thinned(cup(0.02, 0.04))]), ObjectIdx(0), &Stop::never()).unwrap();
+        let found = interest(&model(vec![thinned(cup(0.02, 0.04))]), ObjectIdx(0), &Stop::never());
         assert!(found.rivals.is_empty() && !found.places.is_empty());
         assert!(found.places.iter().all(|place| place.bits.abs() < 1e-12));
     }
@@ -357,7 +329,7 @@ mod tests {
         maps.push(map_of(&places(200, 0)));
         // The twin of the ellipsoid stands last.
         maps.push(map_of(&places(200, 1)));
-        let found = interest(&model(maps), ObjectIdx(36), &Stop::never()).unwrap();
+        let found = interest(&model(maps), ObjectIdx(36), &Stop::never());
         assert_eq!(found.rivals.len(), RIVALS_MAX);
         assert_eq!(found.rivals[0].object, ObjectIdx(37), "{:?}", found.rivals);
         assert!(found.places.len() == 200 && found.bytes() > 200 * size_of::<InterestPlace>());

@@ -3,7 +3,6 @@
 use glam::{Mat3, Quat, Vec3};
 
 use super::observation::Observation;
-use crate::coding::{Coded, NotWork};
 use crate::model::SurfaceMap;
 use crate::model::near::Near;
 
@@ -45,20 +44,6 @@ impl InversePose {
             normal: self.object_from_session * observation.normal,
             direction: self.object_from_session * observation.direction,
         }
-    }
-}
-
-impl Coded for InversePose {
-    fn put(&self, to: &mut Vec<u8>) {
-        let Self { object_from_session, translation, tool } = self;
-        object_from_session.put(to);
-        translation.put(to);
-        tool.put(to);
-    }
-
-    fn take(from: &mut &[u8]) -> Result<Self, NotWork> {
-        let (object_from_session, translation) = Coded::take(from)?;
-        Ok(Self { object_from_session, translation, tool: Coded::take(from)? })
     }
 }
 

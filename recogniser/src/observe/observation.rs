@@ -8,7 +8,6 @@ use palpate_core::reading::{Base, Looseness};
 use super::placement::{Placement, Variances, apart_by};
 use super::steadiness::Steadiness;
 use super::touch::Touch;
-use crate::coding::{Coded, NotWork};
 use crate::model::agreement::{Feature, StoredFeature, ratio};
 use crate::model::appearance::AppearanceSpace;
 use crate::model::features::Features;
@@ -80,17 +79,6 @@ impl Comparison {
     /// The comparison of a touch without appearance: its ratio is 1 everywhere, the limit of
     /// equation R7 for an unbounded softness.
     pub(crate) const NOTHING: Self = Self { softness: f32::INFINITY, density: 1.0 };
-}
-
-impl Coded for Says {
-    fn put(&self, to: &mut Vec<u8>) {
-        (*self as u8).put(to);
-    }
-
-    fn take(from: &mut &[u8]) -> Result<Self, NotWork> {
-        let all = [Self::All, Self::Normal, Self::Position];
-        all.get(usize::from(u8::take(from)?)).copied().ok_or(NotWork)
-    }
 }
 
 impl Observation {
@@ -259,8 +247,6 @@ impl Observation {
         ratio(&self.feature, other, self.soft.softness, self.soft.density)
     }
 }
-
-mod coded;
 
 /// What the deviation of a contact's position costs at its own place: ln of the peak of the
 /// kernel of R4 without it over that with it. `variance` in m². Part of equation R13.

@@ -10,8 +10,6 @@ use std::f64::consts::FRAC_1_SQRT_2;
 use libm::erf;
 use palpate_core::reading::{Base, Looseness};
 
-use crate::coding::{Coded, NotWork};
-
 /// Distance (m) of the shortest pair of touches that a map stores: ℓ₀ of equation R2.
 const SHORTEST: f32 = 0.004;
 
@@ -141,20 +139,6 @@ impl Placement {
     pub(crate) fn loss(&self, is_announced: bool, per_fold: f32) -> f32 {
         let (position, _) = if is_announced { self.shifting() } else { self.of_base_alone() };
         per_fold * (1.0 + position / (LOOSE * LOOSE)).ln()
-    }
-}
-
-impl Coded for Placement {
-    fn put(&self, to: &mut Vec<u8>) {
-        let Self { base, moved, own } = self;
-        base.put(to);
-        moved.put(to);
-        own.put(to);
-    }
-
-    fn take(from: &mut &[u8]) -> Result<Self, NotWork> {
-        let (base, moved) = Coded::take(from)?;
-        Ok(Self { base, moved, own: Coded::take(from)? })
     }
 }
 

@@ -11,7 +11,6 @@ use palpate_core::reading::{Looseness, Reading};
 use palpate_core::sensor::SensorDescription;
 
 use super::placement::{apart_by, kept};
-use crate::coding::{Coded, NotWork};
 
 /// Points along each side of the array, at most.
 const SIDE: usize = 4;
@@ -155,23 +154,6 @@ impl PressSpace {
             }));
         }
         Self::new(free)
-    }
-}
-
-impl Coded for PressSpace {
-    fn put(&self, to: &mut Vec<u8>) {
-        let Self { free, occupied, touches, own, novelty, weight } = self;
-        free.put(to);
-        occupied.put(to);
-        touches.put(to);
-        [*own, *novelty, *weight].put(to);
-    }
-
-    fn take(from: &mut &[u8]) -> Result<Self, NotWork> {
-        let (free, occupied) = Coded::take(from)?;
-        let touches = Coded::take(from)?;
-        let [own, novelty, weight] = Coded::take(from)?;
-        Ok(Self { free, occupied, touches, own, novelty, weight })
     }
 }
 

@@ -8,7 +8,6 @@
 //! third, and 0.63 rad below.
 
 use super::stretch::OUTLIERS;
-use crate::coding::{Coded, NotWork};
 
 /// Evenness from which a sensor is aligned with the surface.
 const EVEN: f32 = 0.53;
@@ -32,18 +31,6 @@ pub(crate) struct Steadiness {
     pub(crate) normal_variance: f32,
     /// Share of uninformative stretches.
     pub(crate) stretch_outliers: f32,
-}
-
-impl Coded for Steadiness {
-    fn put(&self, to: &mut Vec<u8>) {
-        let Self { normal_variance, stretch_outliers } = self;
-        [*normal_variance, *stretch_outliers].put(to);
-    }
-
-    fn take(from: &mut &[u8]) -> Result<Self, NotWork> {
-        let (normal_variance, stretch_outliers) = Coded::take(from)?;
-        Ok(Self { normal_variance, stretch_outliers })
-    }
 }
 
 impl Steadiness {

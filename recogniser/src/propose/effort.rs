@@ -1,6 +1,5 @@
 //! Effort: bounds on the work for one pair of touches on one object.
 
-use crate::coding::{Coded, NotWork, put_all};
 use crate::model::SurfaceMap;
 use crate::observe::observation::Observation;
 use crate::options::{ManyBudget, SurfaceOptions};
@@ -18,24 +17,6 @@ pub(crate) struct Effort {
     pub(crate) fitted: usize,
     /// Least product of the two appearance ratios of a pair that proposes.
     pub(crate) appearance_min: f32,
-}
-
-impl Coded for Effort {
-    fn put(&self, to: &mut Vec<u8>) {
-        let Self { proposals, judged, patches, fitted, appearance_min } = self;
-        put_all([proposals, judged, patches, fitted], to);
-        appearance_min.put(to);
-    }
-
-    fn take(from: &mut &[u8]) -> Result<Self, NotWork> {
-        Ok(Self {
-            proposals: Coded::take(from)?,
-            judged: Coded::take(from)?,
-            patches: Coded::take(from)?,
-            fitted: Coded::take(from)?,
-            appearance_min: Coded::take(from)?,
-        })
-    }
 }
 
 impl Effort {

@@ -6,7 +6,6 @@
 use glam::Vec3;
 
 use super::effort::Effort;
-use crate::coding::{Coded, NotWork};
 use crate::observe::observation::{Observation, Says};
 use crate::options::SurfaceOptions;
 
@@ -50,18 +49,6 @@ pub(crate) struct Partner {
     pub(crate) index: usize,
     /// The effort of the pair.
     pub(crate) effort: Effort,
-}
-
-impl Coded for Partner {
-    fn put(&self, to: &mut Vec<u8>) {
-        let Self { index, effort } = self;
-        index.put(to);
-        effort.put(to);
-    }
-
-    fn take(from: &mut &[u8]) -> Result<Self, NotWork> {
-        Ok(Self { index: Coded::take(from)?, effort: Coded::take(from)? })
-    }
 }
 
 /// The partners in the order of their lookup. `shares` has for each the share of an object's

@@ -10,7 +10,6 @@ use glam::{Mat3, Quat, Vec3};
 
 use super::effort::Effort;
 use super::pair_density::{pair_density, pair_stretch_ratio, widened};
-use crate::coding::{Coded, NotWork};
 use crate::model::SurfaceMap;
 use crate::model::pair_geometry::PairGeometry;
 use crate::observe::observation::{Observation, Says};
@@ -49,18 +48,6 @@ pub(crate) struct PairEvidence {
     pub(crate) evidence: f32,
     /// Product of the mean appearance ratios of both touches.
     pub(crate) appearance: f32,
-}
-
-impl Coded for PairEvidence {
-    fn put(&self, to: &mut Vec<u8>) {
-        let Self { geometry, evidence, appearance } = self;
-        [*geometry, *evidence, *appearance].put(to);
-    }
-
-    fn take(from: &mut &[u8]) -> Result<Self, NotWork> {
-        let [geometry, evidence, appearance] = Coded::take(from)?;
-        Ok(Self { geometry, evidence, appearance })
-    }
 }
 
 /// A stored pair of similar geometry.

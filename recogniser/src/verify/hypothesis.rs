@@ -3,7 +3,6 @@
 use glam::{DQuat, DVec3, Quat, Vec3};
 use palpate_core::pose::Pose;
 
-use crate::coding::{Coded, NotWork};
 use crate::observe::inverse_pose::InversePose;
 
 /// A pose of an object, relative to the session's anchor, and its score.
@@ -33,20 +32,5 @@ impl Hypothesis {
     pub(crate) fn session_from_object(&self, anchor: DVec3) -> Pose {
         let rotation = DQuat::from_array(self.rotation.to_array().map(f64::from));
         Pose::from_parts(rotation, anchor + self.translation.as_dvec3())
-    }
-}
-
-impl Coded for Hypothesis {
-    fn put(&self, to: &mut Vec<u8>) {
-        let Self { rotation, translation, tool, score } = self;
-        rotation.put(to);
-        translation.put(to);
-        tool.put(to);
-        score.put(to);
-    }
-
-    fn take(from: &mut &[u8]) -> Result<Self, NotWork> {
-        let (rotation, translation) = Coded::take(from)?;
-        Ok(Self { rotation, translation, tool: Coded::take(from)?, score: Coded::take(from)? })
     }
 }

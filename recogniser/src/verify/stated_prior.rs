@@ -31,8 +31,6 @@ const INSIDE_MIN: f64 = 1e-3;
 #[derive(Clone, Debug)]
 pub(crate) struct Statement {
     prior: PosePrior,
-    /// Index of the first of the objects: 0, unless it is a part of a statement.
-    first: usize,
     objects: Vec<ObjectShare>,
     /// ln p(o) of equation R32.
     pub(crate) log_objects: Vec<f64>,
@@ -99,18 +97,13 @@ impl Statement {
         };
         let objects = (0..before.len()).map(share).collect();
         let log_objects = all.iter().map(|p| (p / sum).ln()).collect();
-        let radius = f64::from(radius);
-        Ok(Self { prior, first: 0, objects, log_objects, radius, moved: [0.0; 2] })
+        Ok(Self { prior, objects, log_objects, radius: f64::from(radius), moved: [0.0; 2] })
     }
 
     /// Loosens it for a move of the object before its first touch.
     pub(crate) fn loosen(&mut self, motion: &Looseness) {
         self.moved[0] += motion.position.powi(2);
         self.moved[1] += motion.angle.powi(2);
-    }
-
-    fn share(&self, object: usize) -> ObjectShare {
-        self.objects[object - self.first]
     }
 
     /// Bytes of its lists.
@@ -145,8 +138,6 @@ pub(crate) struct StatedPrior {
     volume: f64,
     /// Variances that one hypothesis of the search stands for: m², rad².
     alike: [f64; 2],
-    /// Variances by motion since the first touch: m², rad².
-    more: [f64; 2],
     poses: Vec<StatedPose>,
     /// The workspace relative to the anchor.
     bounds: Option<[Vec3; 2]>,
@@ -155,23 +146,14 @@ pub(crate) struct StatedPrior {
 impl StatedPrior {
     /// A statement relative to an anchor.
     pub(crate) fn new(statement: Arc<Statement>, anchor: DVec3, options: &SurfaceOptions) -> Self {
-        Self::without_poses(statement, anchor, options).drifted([0.0; 2])
-    }
-
-    fn without_poses(statement: Arc<Statement>, anchor: DVec3, options: &SurfaceOptions) -> Self {
         let volume = f64::from(options.scale.workspace);
         let alike = [options.merge_distance, options.merge_angle].map(|x| f64::from(x).powi(2));
-        let (more, poses, bounds) = ([0.0; 2], Vec::new(), None);
-        Self { statement, anchor, volume, alike, more, poses, bounds }
+        let (poses, bounds) = (Vec::new(), None);
+        Self { statement, anchor, volume, alike, poses, bounds }.drifted([0.0; 2])
     }
 
     /// The same after motion of the object since, with variances of m² and rad².
     pub(crate) fn drifted(&self, more: [f64; 2]) -> Self {
-        self.placed(more).expect("checked")
-    }
-
-    /// [`Self::drifted`]; `None` for a covariance that is none.
-    fn placed(&self, more: [f64; 2]) -> Option<Self> {
         let Self { statement, anchor, volume, alike, .. } = self;
         let moved = statement.moved;
         let variance = |n: usize| moved[n] + alike[n] + more[n];
@@ -181,16 +163,16 @@ impl StatedPrior {
             let covariance = hypothesis.covariance + wider;
             StatedPose::new(hypothesis, covariance, *anchor, statement, *volume, &normals)
         };
-        let poses = statement.prior.hypotheses.iter().map(pose).collect::<Option<_>>()?;
+        let poses = statement.prior.hypotheses.iter().map(pose).collect();
         let bounds = statement.prior.workspace;
         let bounds = bounds.map(|it| [it.low - *anchor, it.high - *anchor].map(|c| c.as_vec3()));
-        Some(Self { more, poses, bounds, statement: Arc::clone(statement), ..*self })
+        Self { poses, bounds, statement: Arc::clone(statement), ..*self }
     }
 
     /// ln p(T | o) of an object, relative to the uniform prior. Equation R33 of
     /// docs/recogniser.md.
     pub(crate) fn log_density(&self, object: usize, pose: &InversePose) -> f32 {
-        let share = self.statement.share(object);
+        let share = self.statement.objects[object];
         let is_inside = self.holds(pose.translation);
         let mut right = 0.0;
         for stated in self.poses.iter().filter(|_| is_inside) {
@@ -242,7 +224,7 @@ impl StatedPrior {
     /// Shares of an object's prior: of hypotheses that say its pose, as (index, share); of places
     /// alone; and of the uniform prior. Each is relative to p(o).
     pub(crate) fn shares(&self, object: usize) -> (Vec<(usize, f64)>, f64, f64) {
-        let share = self.statement.share(object);
+        let share = self.statement.objects[object];
         let (mut posed, mut placed) = (Vec::new(), 0.0);
         for (index, stated) in self.poses.iter().enumerate() {
             let weight = f64::from(stated.weight);
@@ -272,7 +254,7 @@ impl StatedPrior {
     /// then stands.
     pub(crate) fn draws(&self, hypothesis: usize, first: usize, n: usize) -> Drawn {
         let stated = &self.poses[hypothesis];
-        let GivenTurn { factor, gain, left, inverse } = stated.given_turn().expect("checked");
+        let GivenTurn { factor, gain, left, inverse } = stated.given_turn();
         let draw = |n: usize| {
             let turned = factor * quasi_normal(n);
             let moved = gain * turned;
@@ -291,7 +273,7 @@ impl StatedPrior {
     /// A hypothesis as the distribution of its rotation, and of the place given each.
     pub(crate) fn turning(&self, hypothesis: usize) -> Turning {
         let stated = &self.poses[hypothesis];
-        let GivenTurn { gain, left, inverse, .. } = stated.given_turn().expect("checked");
+        let GivenTurn { gain, left, inverse, .. } = stated.given_turn();
         let peak = stated.scale * self.volume / (TAU.powf(1.5) * left.determinant().sqrt());
         Turning {
             rotation: stated.rotation,
@@ -386,7 +368,6 @@ impl Near {
     }
 }
 
-mod coded;
 mod posed;
 #[cfg(test)]
 mod tests;

@@ -8,7 +8,6 @@ use crate::belief::pair_weight::{density_anywhere, pair_evidence, usual_density}
 use crate::belief::retrieval::retrieval_bar;
 use crate::belief::search::Scope;
 use crate::belief::stage::Stage;
-use crate::belief::work::Work;
 use crate::propose::partners::in_turn;
 use crate::propose::proposals::PairEvidence;
 
@@ -23,7 +22,7 @@ impl Component {
         let asked = in_turn(&[0], shares.as_deref(), 2, &common.options);
         let least = n.map(|n| retrieval_bar(&self.objects, n));
         let scope = Scope::of_first_pair(&self.objects, least, &common.options);
-        self.work(common, &Work::Propose { partners: asked, scope });
+        self.propose(common, &asked, &scope);
     }
 
     /// Counts the place of the newest touch. Returns the share of its pair with the first touch

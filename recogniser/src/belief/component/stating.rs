@@ -8,10 +8,8 @@ use palpate_core::log_prob::log_sum_exp;
 use super::Component;
 use crate::belief::common::Common;
 use crate::belief::object::ObjectBelief;
-use crate::belief::scatter::perform;
 use crate::belief::search::evidence_bar;
-use crate::belief::stated_search::pair_correction;
-use crate::belief::work::Work;
+use crate::belief::stated_search::{Turned, pair_correction, propose_stated, weigh_stated};
 use crate::model::joint_pairs::TOUCHES_PER_OBJECT;
 use crate::observe::observation::Observation;
 use crate::verify::motion_prior::StatedOf;
@@ -51,16 +49,13 @@ impl Component {
     /// The evidence of the first touch, or of its pair with the newest, beside the statement. `usual` is the
     /// density of the touches on a usual object over that of touches anywhere.
     pub(super) fn weigh_stated(&mut self, common: &Common, usual: f64) {
-        if self.stated.is_none() {
-            return;
-        }
+        let Some(Stating { now, .. }) = &self.stated else { return };
         let ends: Vec<Observation> = match &self.touches[..] {
             [first, .., newest] => vec![first.clone(), newest.clone()],
             touches => touches.to_vec(),
         };
-        let (evidence, patches_max) = (common.evidence(&ends, &[]), patches_max(common));
-        let work = Work::WeighStated { patches_max, usual };
-        perform(&work, &mut self.objects, &evidence, &common.model);
+        let turned = Turned::new(now, ends.len(), patches_max(common));
+        weigh_stated(&mut self.objects, &common.evidence(&ends, &[]), &turned, usual);
     }
 
     /// The evidence of a pair beside the statement: the mean of two estimates, by stored pairs and by
@@ -82,14 +77,17 @@ impl Component {
 
     /// The statement proposes poses of all objects, or of the likeliest of a large catalogue.
     pub(super) fn propose_stated(&mut self, common: &Common) {
-        if self.stated.as_ref().is_none_or(|stated| stated.now.n_poses() == 0) {
+        let Some(Stating { now, .. }) = &self.stated else { return };
+        if now.n_poses() == 0 {
             return;
         }
         let (options, patches_max) = (&common.options, patches_max(common));
         let n = patches_max.map_or(usize::MAX, |_| options.budget.many.explored);
         let reach = f64::from(options.score.drop_between);
         let evidence_min = evidence_bar(&self.objects, reach, n);
-        self.work(common, &Work::ProposeStated { patches_max, evidence_min });
+        let turned = Turned::new(now, self.touches.len(), patches_max);
+        let evidence = common.evidence(&self.touches, &self.spaces);
+        propose_stated(&mut self.objects, &evidence, &turned, evidence_min);
     }
 }
 

@@ -29,7 +29,7 @@ impl SurfaceBelief {
     }
 
     /// How a reading of this session lies on an object in its best pose; `None` before three
-    /// touches have determined poses, and for an object without any or whose map does not come.
+    /// touches have determined poses, and for an object without any.
     #[must_use]
     pub fn misfit(
         &self,
@@ -54,7 +54,7 @@ impl SurfaceBelief {
         let (touches, spaces): (Vec<_>, _) = (touch.into_iter().collect(), [space]);
         let evidence = self.common.evidence(&touches, &spaces);
         let objects = self.leading().explained().objects;
-        log_predictive(&evidence, &self.common.model, objects, &self.posterior())
+        log_predictive(&evidence, objects, &self.posterior())
     }
 
     fn compare(&self, object: ObjectIdx, given: Given<'_>) -> Option<Misfit> {
@@ -69,8 +69,7 @@ impl SurfaceBelief {
         let touch = touch.map(|touch| if is_shared { touch } else { touch.with_own_tool() });
         let (touches, spaces): (Vec<_>, _) = (touch.into_iter().collect(), [space]);
         let evidence = self.common.evidence(&touches, &spaces);
-        let map = self.common.model.map(index).ok()?;
-        Some(misfit(&evidence, &map, &best.inverse_pose()))
+        Some(misfit(&evidence, &self.common.model.maps()[index], &best.inverse_pose()))
     }
 
     /// The observation of a reading, unless it is a miss, and the space that it shows.

@@ -39,10 +39,10 @@ impl StatedPose {
         statement: &Statement,
         volume: f64,
         normals: &[Vector3<f64>],
-    ) -> Option<Self> {
+    ) -> Self {
         let pose = &hypothesis.session_from_object;
-        let factor = Cholesky::new(covariance)?.l();
-        let white = factor.try_inverse()?;
+        let factor = Cholesky::new(covariance).expect("checked").l();
+        let white = factor.try_inverse().expect("positive on its diagonal");
         let place = block(&covariance, 0, 0);
         let occupied = TAU.powf(1.5) * place.determinant().sqrt();
         let inside = statement
@@ -54,7 +54,7 @@ impl StatedPose {
         let root: f64 = (0..6).map(|n| factor[(n, n)].ln()).sum();
         let uniform = (volume * 8.0 * PI * PI).ln();
         let log_peak = uniform + scale.ln() - 3.0 * TAU.ln() - root - turns.ln();
-        Some(Self {
+        Self {
             object: hypothesis.object,
             weight: hypothesis.weight as f32,
             rotation: pose.rotation.as_quat(),
@@ -64,17 +64,18 @@ impl StatedPose {
             log_peak: log_peak as f32,
             scale,
             reach: FAR * place.trace() as f32,
-        })
+        }
     }
 
-    /// The distribution of the place given the rotation; `None` for a covariance that is none.
-    pub(super) fn given_turn(&self) -> Option<GivenTurn> {
+    /// The distribution of the place given the rotation.
+    pub(super) fn given_turn(&self) -> GivenTurn {
         let (place, cross) = (block(&self.covariance, 0, 0), block(&self.covariance, 0, 3));
         let turn = block(&self.covariance, 3, 3);
-        let factor = Cholesky::new(turn)?.l();
-        let gain = cross * turn.try_inverse()?;
+        let factor = Cholesky::new(turn).expect("checked").l();
+        let gain = cross * turn.try_inverse().expect("checked");
         let left = place - gain * cross.transpose();
-        Some(GivenTurn { factor, gain, left, inverse: left.try_inverse()? })
+        let inverse = left.try_inverse().expect("positive definite");
+        GivenTurn { factor, gain, left, inverse }
     }
 
     /// Density of a pose that lies `off` the mean.

@@ -62,7 +62,7 @@ impl Catalogues {
         }
         let (surface, stop) = (Arc::clone(model.surface()?), Asker::current().overdue().clone());
         let find = move || interest(&surface, key.2, &stop);
-        let found = self.pool.place()?.run_long(find).await??;
+        let found = self.pool.place()?.run_long(find).await?;
         // While answers use the whole budget this one is not kept, and is computed again.
         let bytes = found.bytes() as u64;
         Ok(kept.keep(key, found.clone(), bytes).unwrap_or_else(|_full| Arc::new(found)))

@@ -159,7 +159,6 @@ mod tests {
             n_readings: n_touches,
             sensor_shift: Some(SensorShift { shift, deviation, n_touches }),
             image_doubt: None,
-            missing: Vec::new(),
         }
     }
 
