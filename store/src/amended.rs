@@ -9,7 +9,6 @@ use std::sync::Arc;
 use uuid::Uuid;
 
 use crate::engine::lease::Leasing;
-use crate::engine::line::OpeningLine;
 use crate::engine::news::News;
 use crate::engine::{
     Commit, Compacted, Cut, Engine, EngineError, EngineStats, Pair, Pending, Reading,
@@ -82,10 +81,6 @@ impl Engine for Amended {
 
     fn lease(&self, name: &str) -> Leasing {
         self.engine.lease(name)
-    }
-
-    fn line(&self, id: Uuid) -> OpeningLine {
-        self.engine.line(id)
     }
 
     fn held(&self) -> BTreeMap<Uuid, u64> {

@@ -9,7 +9,6 @@
 
 pub mod opening;
 pub mod lease;
-pub mod line;
 pub mod news;
 mod pending;
 mod cut;
@@ -27,7 +26,6 @@ use crate::key::Space;
 use content::ContentStats;
 pub use cut::{Cut, Found, pages};
 use lease::{Lease, Leasing};
-use line::OpeningLine;
 use news::News;
 pub use pending::Pending;
 
@@ -120,14 +118,6 @@ pub trait Engine: Send + Sync + 'static {
     /// [`EngineError`] when the store cannot be asked.
     fn lease(&self, _name: &str) -> Leasing {
         Box::pin(std::future::ready(Ok(Some(Lease::lasting()))))
-    }
-
-    /// Opens the line to the servers that share the store, for the server with `id`.
-    ///
-    /// # Errors
-    /// [`EngineError`] when the store cannot be reached.
-    fn line(&self, _id: Uuid) -> OpeningLine {
-        Box::pin(std::future::ready(Ok(None)))
     }
 
     /// Bytes that each API key holds; those without one have the nil id.

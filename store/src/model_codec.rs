@@ -12,7 +12,6 @@ mod calibration;
 mod geometry;
 mod part;
 mod reader;
-mod surfaces;
 mod surface;
 mod symmetry;
 mod writer;
@@ -40,7 +39,6 @@ pub use calibration::{CALIBRATION_BLOCK, to_block as calibration_to_block};
 pub use geometry::{GEOMETRY_BLOCK, geometry_block_name};
 pub use part::ModelPart;
 pub use surface::{SURFACE_BLOCK, surface_block_name};
-pub use surfaces::Surfaces;
 pub use symmetry::{symmetry_block_name, symmetry_from_block, symmetry_to_block};
 
 /// Name of the vocabulary's block.
@@ -204,35 +202,18 @@ pub fn model_from_blocks(
         appearance::from_blocks(shared, report, objects.iter().map(block))
     });
     let appearance = appearance.transpose()?.map(Arc::new);
-    let has_surfaces = find(SURFACE_BLOCK).is_some();
-    let surface = has_surfaces.then(|| surfaces_from_blocks(blocks, objects, objects.len()));
-    let surface = surface.transpose()?.map(|surfaces| Arc::new(surfaces.model()));
+    let surface = find(SURFACE_BLOCK).map(|shared| {
+        let surface = |object: &Uuid| {
+            Ok(surface::ObjectBlocks {
+                surface: block(surface_block_name(*object))?,
+                symmetry: find(&symmetry_block_name(*object)),
+            })
+        };
+        surface::from_blocks(shared, find(CALIBRATION_BLOCK), objects.iter().map(surface))
+    });
+    let surface = surface.transpose()?.map(Arc::new);
     let sva = Arc::new(SvaModel { vocabulary, association, objects: maps });
     Ok(TrainedModel { sva, geometric: geometry, appearance, surface })
-}
-
-/// The surfaces of some objects, by their ids, of a catalogue of `n_objects` in all; other blocks
-/// are ignored.
-///
-/// # Errors
-/// [`CodecError`] names the missing or inconsistent part.
-pub fn surfaces_from_blocks(
-    blocks: &[(String, Vec<u8>)],
-    objects: &[Uuid],
-    n_objects: usize,
-) -> Result<Surfaces, CodecError> {
-    let find = |name: &str| {
-        let found = blocks.iter().find(|(candidate, _)| *candidate == name);
-        found.map(|(_, content)| content.as_slice())
-    };
-    let block = |name: String| find(&name).ok_or(CodecError::Missing { name });
-    let of_object = |object: &Uuid| {
-        let symmetry = find(&symmetry_block_name(*object));
-        Ok(surface::ObjectBlocks { surface: block(surface_block_name(*object))?, symmetry })
-    };
-    let own = objects.iter().map(of_object).collect::<Result<Vec<_>, CodecError>>()?;
-    let shared = block(SURFACE_BLOCK.to_owned())?;
-    surface::from_blocks(shared, find(CALIBRATION_BLOCK), &own, n_objects)
 }
 
 /// The block of a model's vocabulary and association rule.

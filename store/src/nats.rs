@@ -29,8 +29,6 @@ mod writer;
 mod cut;
 mod lease;
 mod sweep;
-mod frames;
-mod line;
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -45,7 +43,6 @@ use uuid::Uuid;
 
 use crate::engine::content::ContentStats;
 use crate::engine::lease::{Lease, Leasing};
-use crate::engine::line::OpeningLine;
 use crate::engine::news::News;
 use crate::engine::opening::OpenError;
 use crate::engine::{
@@ -80,7 +77,6 @@ const UNITS_PER_COMMIT: usize = 64;
 pub struct NatsEngine {
     runtime: Option<Runtime>,
     desk: Arc<Desk>,
-    options: NatsOptions,
     has_lease: bool,
 }
 
@@ -149,8 +145,7 @@ impl NatsEngine {
                 return Err(error);
             }
         };
-        let (options, has_lease) = (options.clone(), !options.is_shared);
-        Ok(Self { runtime: Some(runtime), desk, options, has_lease })
+        Ok(Self { runtime: Some(runtime), desk, has_lease: !options.is_shared })
     }
 
     fn submit(&self, work: Work) -> Pending {
@@ -291,19 +286,6 @@ impl Engine for NatsEngine {
         runtime.spawn(async move {
             // One that nobody awaits is given back.
             let _ = answer.send(lease::take_named(publisher, &name).await);
-        });
-        Box::pin(async move { done.await.unwrap_or(Err(EngineError::Stopped)) })
-    }
-
-    fn line(&self, id: Uuid) -> OpeningLine {
-        let Some(runtime) = self.runtime.as_ref().filter(|_| self.is_shared()) else {
-            return Box::pin(std::future::ready(Ok(None)));
-        };
-        let (options, (answer, done)) = (self.options.clone(), oneshot::channel());
-        runtime.spawn(async move {
-            let failed = |detail| EngineError::Failed { doing: "opening a line", detail };
-            // The opener may have gone.
-            let _ = answer.send(line::open(&options, id).await.map(Some).map_err(failed));
         });
         Box::pin(async move { done.await.unwrap_or(Err(EngineError::Stopped)) })
     }

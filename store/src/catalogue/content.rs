@@ -1,7 +1,6 @@
 //! Reading of a version's content: its blocks, and the model and symmetries that they make.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::ops::Range;
+use std::collections::BTreeMap;
 
 use palpate_core::stop::Stop;
 use palpate_core::symmetry::Symmetry;
@@ -13,9 +12,7 @@ use crate::error::{RecordError, StoreError};
 use crate::key::{self, Space};
 use crate::mesh::open_raw;
 use crate::model::TrainedModel;
-use crate::model_codec::{
-    self, CALIBRATION_BLOCK, CodecError, ModelPart, SURFACE_BLOCK, Surfaces, VOCABULARY_BLOCK,
-};
+use crate::model_codec::{self, CodecError, ModelPart};
 use crate::pieces;
 
 impl Catalogues {
@@ -67,38 +64,6 @@ impl Catalogues {
         self.model_of(manifest, |name| part.needs(name), stop)
     }
 
-    /// The surfaces of some objects of a version, by their places in it, with what all its objects
-    /// share. Reads the blocks of these objects alone, and heeds `stop` between them.
-    ///
-    /// # Errors
-    /// As [`Catalogues::model`].
-    pub fn surfaces(
-        &self,
-        manifest: &Manifest,
-        places: Range<usize>,
-        stop: &Stop,
-    ) -> Result<Surfaces, StoreError> {
-        let objects = manifest.objects.get(places).unwrap_or_default();
-        let objects: Vec<Uuid> = objects.iter().map(|object| object.id).collect();
-        let own = objects.iter().flat_map(|object| {
-            [model_codec::surface_block_name(*object), model_codec::symmetry_block_name(*object)]
-        });
-        let shared = [SURFACE_BLOCK, CALIBRATION_BLOCK].map(str::to_owned);
-        let needed: BTreeSet<String> = own.chain(shared).collect();
-        let blocks = self.read(manifest, |name| needed.contains(name), stop)?;
-        let n_objects = manifest.objects.len();
-        model_codec::surfaces_from_blocks(&blocks, &objects, n_objects).map_err(unfit(manifest))
-    }
-
-    /// What the objects of a version share, without any object: its vocabulary alone.
-    ///
-    /// # Errors
-    /// As [`Catalogues::model`].
-    pub fn shared(&self, manifest: &Manifest, stop: &Stop) -> Result<TrainedModel, StoreError> {
-        let blocks = self.read(manifest, |name| name == VOCABULARY_BLOCK, stop)?;
-        model_codec::model_from_blocks(&blocks, &[]).map_err(unfit(manifest))
-    }
-
     /// The model that some blocks of a version make.
     fn model_of(
         &self,
@@ -107,23 +72,13 @@ impl Catalogues {
         stop: &Stop,
     ) -> Result<TrainedModel, StoreError> {
         let objects: Vec<Uuid> = manifest.objects.iter().map(|object| object.id).collect();
-        let blocks = self.read(manifest, is_needed, stop)?;
-        model_codec::model_from_blocks(&blocks, &objects).map_err(unfit(manifest))
-    }
-
-    /// Some blocks of a version: names and contents. Heeds `stop` between them.
-    fn read(
-        &self,
-        manifest: &Manifest,
-        is_needed: impl Fn(&str) -> bool,
-        stop: &Stop,
-    ) -> Result<Vec<(String, Vec<u8>)>, StoreError> {
         let needed = manifest.blocks.iter().filter(|block| is_needed(&block.name));
         let read = |entry: &BlockEntry| {
             stop.check();
             Ok((entry.name.clone(), self.block(entry)?))
         };
-        needed.map(read).collect()
+        let blocks: Result<Vec<(String, Vec<u8>)>, StoreError> = needed.map(read).collect();
+        model_codec::model_from_blocks(&blocks?, &objects).map_err(unfit(manifest))
     }
 
     /// The symmetries of a version's objects, in its order; none for objects without such a block.

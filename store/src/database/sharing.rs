@@ -2,12 +2,9 @@
 
 use std::time::{Duration, Instant};
 
-use uuid::Uuid;
-
 use super::Database;
 use crate::engine::EngineError;
 use crate::engine::lease::Lease;
-use crate::engine::line::Line;
 use crate::engine::news::News;
 use crate::key::Space;
 
@@ -51,15 +48,6 @@ impl Database {
     /// The engine's.
     pub async fn lease(&self, name: &str) -> Result<Option<Lease>, EngineError> {
         self.engine.lease(name).await
-    }
-
-    /// Opens the line to the servers that share the database, for the one with `id`; `None` where
-    /// no other server can share it.
-    ///
-    /// # Errors
-    /// The engine's.
-    pub async fn line(&self, id: Uuid) -> Result<Option<Line>, EngineError> {
-        self.engine.line(id).await
     }
 
     /// Waits for the right to do `what`, and until reads see what other servers did under it. A

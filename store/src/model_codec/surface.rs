@@ -24,7 +24,6 @@ use uuid::Uuid;
 
 use super::calibration::{self, CALIBRATION_BLOCK};
 use super::reader::Reader;
-use super::surfaces::Surfaces;
 use super::symmetry::{symmetry_block_name, symmetry_from_block, symmetry_to_block};
 use super::writer::{put_counts, put_floats, put_singles};
 use super::{CodecError, FORM, count};
@@ -71,21 +70,21 @@ pub(super) fn to_blocks(model: &SurfaceModel, objects: &[Uuid]) -> Vec<(String, 
 }
 
 /// The surfaces of a shared block, of the `calibration` that was fitted to sessions if there is
-/// one, and of the blocks of some objects of a catalogue of `n_objects` in all.
-pub(super) fn from_blocks(
+/// one, and of the objects' blocks, in the catalogue's order.
+pub(super) fn from_blocks<'block>(
     shared: &[u8],
     calibration: Option<&[u8]>,
-    blocks: &[ObjectBlocks<'_>],
-    n_objects: usize,
-) -> Result<Surfaces, CodecError> {
-    let (space, trained) = shared_from_block(shared, n_objects)?;
+    objects: impl Iterator<Item = Result<ObjectBlocks<'block>, CodecError>>,
+) -> Result<SurfaceModel, CodecError> {
+    let blocks: Vec<ObjectBlocks<'_>> = objects.collect::<Result<_, _>>()?;
+    let (space, trained) = shared_from_block(shared, blocks.len())?;
     let calibration = calibration.map(calibration::from_block).transpose()?.unwrap_or(trained);
     let maps = blocks.par_iter().map(|block| {
         let symmetry = block.symmetry.map(symmetry_from_block).transpose()?;
         let map = map_from_block(block.surface)?;
         Ok::<_, CodecError>(Arc::new(map.with_symmetry(symmetry.unwrap_or(Symmetry::NONE))))
     });
-    Ok(Surfaces { space, calibration, maps: maps.collect::<Result<_, _>>()? })
+    Ok(SurfaceModel::new(space, calibration, maps.collect::<Result<_, _>>()?))
 }
 
 fn shared_to_block(model: &SurfaceModel) -> Vec<u8> {
@@ -302,10 +301,8 @@ pub(super) mod tests {
         assert_eq!(names, ["surface", &first[0], &first[1], &second[0], &second[1]]);
         let parts = blocks[1..]
             .chunks(2)
-            .map(|object| ObjectBlocks { surface: &object[0].1, symmetry: Some(&object[1].1) });
-        let parts: Vec<ObjectBlocks<'_>> = parts.collect();
-        let found = from_blocks(&blocks[0].1, None, &parts, 2).unwrap();
-        assert_eq!(found.model(), model());
+            .map(|object| Ok(ObjectBlocks { surface: &object[0].1, symmetry: Some(&object[1].1) }));
+        assert_eq!(from_blocks(&blocks[0].1, None, parts), Ok(model()));
     }
 
     #[test]
@@ -313,11 +310,10 @@ pub(super) mod tests {
         let blocks = to_blocks(&model(), &[Uuid::from_u128(1), Uuid::from_u128(2)]);
         let parts = blocks[1..]
             .chunks(2)
-            .map(|object| ObjectBlocks { surface: &object[0].1, symmetry: None });
-        let parts: Vec<ObjectBlocks<'_>> = parts.collect();
-        let found = from_blocks(&blocks[0].1, None, &parts, 2).unwrap();
+            .map(|object| Ok(ObjectBlocks { surface: &object[0].1, symmetry: None }));
+        let found = from_blocks(&blocks[0].1, None, parts).unwrap();
         assert_eq!(model().maps()[0].symmetry(), &half_turn());
-        assert!(found.maps.iter().all(|map| map.symmetry().is_none()));
+        assert!(found.maps().iter().all(|map| map.symmetry().is_none()));
     }
 
     #[test]

@@ -55,21 +55,6 @@ fn a_model_is_restored_bit_by_bit() {
 }
 
 #[test]
-fn surfaces_of_some_objects_need_their_blocks_alone() {
-    let whole = surface::tests::model();
-    let all = TrainedModel { surface: Some(Arc::new(whole.clone())), ..model() };
-    let mut blocks = model_to_blocks(&all, &OBJECTS);
-    blocks.retain(|(name, _)| *name != surface_block_name(OBJECTS[0]));
-    let second = surfaces_from_blocks(&blocks, &OBJECTS[1..], 2).unwrap();
-    assert_eq!(second.maps, whole.maps()[1..]);
-    let none = surfaces_from_blocks(&blocks, &[], 2).unwrap();
-    assert_eq!((none.space, none.calibration), (whole.space.clone(), whole.calibration));
-    assert_eq!(none.maps.len(), 0);
-    let missing = CodecError::Missing { name: surface_block_name(OBJECTS[0]) };
-    assert_eq!(surfaces_from_blocks(&blocks, &OBJECTS, 2), Err(missing));
-}
-
-#[test]
 fn a_calibration_of_sessions_has_a_block_of_its_own() {
     let trained = surface::tests::model();
     let basis = CalibrationBasis::Sessions { sessions: 30, objects: 2 };

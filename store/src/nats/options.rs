@@ -3,8 +3,6 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// First part of the subjects of what servers say to each other; no stream may have this name.
-pub(super) const SPOKEN: &str = "palpate-members";
 /// Name of the stream if the address has none.
 const STREAM: &str = "palpate";
 /// What the bucket's name has behind the stream's.
@@ -65,9 +63,6 @@ impl NatsOptions {
         if stream.is_empty() || stream.len() > 64 || !stream.chars().all(is_allowed) {
             return Err(fault("names a stream by other characters than A-Z, a-z, 0-9, - and _"));
         }
-        if stream == SPOKEN {
-            return Err(fault("names a stream as servers name their messages to each other"));
-        }
         if hosts.split(',').any(str::is_empty) {
             return Err(fault("has an empty host"));
         }
@@ -112,15 +107,7 @@ mod tests {
         assert_eq!(options.stream, "fleet");
         let options = parse("tls://a").expect("it is well formed");
         assert_eq!((&options.servers[..], &options.stream[..]), (&["tls://a".into()][..], STREAM));
-        for wrong in [
-            "a:1",
-            "http://a:1",
-            "nats://",
-            "nats://a,,b",
-            "nats://a/",
-            "nats://a/b.c",
-            "nats://a/palpate-members",
-        ] {
+        for wrong in ["a:1", "http://a:1", "nats://", "nats://a,,b", "nats://a/", "nats://a/b.c"] {
             let error = parse(wrong).expect_err(wrong);
             assert!(error.contains("expected nats://"), "{error}");
         }

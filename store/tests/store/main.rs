@@ -14,7 +14,6 @@ mod fsck;
 mod holding;
 mod keeping;
 mod labels;
-mod line;
 mod meshes;
 mod nats;
 mod removal;
