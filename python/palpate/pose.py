@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Union, overload
 import numpy as np
 import numpy.typing as npt
 
+from palpate.options import PoseDocument
 from palpate.values import Value
 
 if TYPE_CHECKING:
@@ -67,12 +68,12 @@ class Pose(Value):
         )
 
     @classmethod
-    def from_wire(cls, document: dict[str, Any]) -> Pose:
+    def from_wire(cls, document: dict[str, Any] | PoseDocument) -> Pose:
         """The pose of an answer."""
         position = np.array(document["position"], dtype=np.float64)
         return cls(position, np.array(document["orientation"], dtype=np.float64))
 
-    def to_wire(self) -> dict[str, list[float]]:
+    def to_wire(self) -> PoseDocument:
         """The pose in a request."""
         return {"position": self.position.tolist(), "orientation": self.orientation.tolist()}
 

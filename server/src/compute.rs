@@ -5,8 +5,8 @@
 //! long work, such as lists, drawings and explanations. What a piece of work costs is not guessed:
 //! each begins as its asker waits for it and works for at most 50 ms. Then another thread takes the
 //! next piece, and the one that has had its time goes on after all fresh work, in turns with others
-//! like it (`turns`). So short work waits for slices of work, never for all of it, whatever it is,
-//! and a client waits in proportion to the time that it has spent itself.
+//! like it (`turns`). So short work waits for slices of long work, never for its end, and a client
+//! waits in proportion to the time that it has spent itself.
 //!
 //! A piece that is alone in its kind is shared out to all threads (`rayon` in core). Small pieces
 //! stay on one thread, and so do all once as many are at work as there are threads: to share costs

@@ -18,7 +18,7 @@ use crate::wire::{Invalid, number, outside, range};
 
 /// Maximum number of weights of objects.
 const CLASSES_MAX: usize = 1_000;
-/// Permitted weights above 0: their products with a prior are numbers above 0.
+/// Permitted weights above 0. Chosen: products of weights with a prior stay normal numbers.
 const WEIGHT: [f64; 2] = [1e-9, 1e6];
 /// Permitted deviations of a covariance along each axis, in metres.
 const POSITION_DEVIATION: [f64; 2] = [1e-5, 1.0];

@@ -106,7 +106,7 @@ impl MeshFormat {
         }
     }
 
-    /// The unit that every file of the format has, or says itself, so that nobody needs to give it.
+    /// Whether the format fixes the unit or every file states it, so no user needs to give one.
     #[must_use]
     pub fn knows_its_unit(self) -> bool {
         matches!(self, Self::Glb | Self::ThreeMf)

@@ -224,7 +224,7 @@ impl Model {
     }
 }
 
-/// The value of an attribute, whatever its prefix.
+/// The value of the attribute with this local name, under any prefix.
 fn text(element: &BytesStart<'_>, name: &str) -> Option<String> {
     let mut attributes = element.attributes();
     let found = attributes

@@ -47,7 +47,7 @@ pub(super) enum Attack {
     SessionsAndStreams,
     /// 17: a key in place of a path.
     KeyInPath,
-    /// 2.1: methods that nobody knows, as labels of metrics.
+    /// 2.1: unknown methods, as labels of metrics.
     InventedMethods,
     /// 2.2: lists whose items weigh more in memory than on the wire.
     Nothings,

@@ -35,7 +35,7 @@ const HEARD_PATIENCE: Duration = Duration::from_secs(90);
 /// Name of the sensor with many calibrations.
 const PAD: &str = "pad-of-many";
 
-/// Sends methods that nobody knows, over one connection.
+/// Sends unknown methods over one connection.
 pub(super) async fn invented_methods(foe: &Foe) -> Vec<String> {
     let padding = "M".repeat(PADDING);
     let mut connection: Option<TcpStream> = None;
