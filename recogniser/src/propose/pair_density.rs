@@ -44,6 +44,11 @@ const UNSTEADY_MAX: f32 = 0.3;
 /// Deviations of loose placement that widen the tolerance of a pair.
 const LOOSE_DEVIATIONS: f32 = 2.0;
 
+/// Caps on the deviations between two loosely placed touches (m, rad) that widen the tolerance of
+/// their pair, for the same reason. Looser pairs are proposed as if they were this loose.
+const LOOSE_POSITION_MAX: f32 = 0.015;
+const LOOSE_ANGLE_MAX: f32 = 0.15;
+
 /// Density of the observed pair `query` of `touches` under the `stored` pair of `facets`: its
 /// distance, the angles of both normals with the axis and the turn about it, relative to an exact
 /// fit at usual deviations. `None` beyond the tolerance.
@@ -138,8 +143,8 @@ pub(crate) fn widened(options: &SurfaceOptions, touches: [&Observation; 2]) -> S
     let mut options = *options;
     let (position, angle) = touches[0].looseness_to(touches[1]);
     let wider = |known: PairTolerance| PairTolerance {
-        distance: known.distance.hypot(LOOSE_DEVIATIONS * position.sqrt()),
-        cosine: known.cosine.hypot(LOOSE_DEVIATIONS * angle.sqrt()),
+        distance: known.distance.hypot(LOOSE_DEVIATIONS * position.sqrt().min(LOOSE_POSITION_MAX)),
+        cosine: known.cosine.hypot(LOOSE_DEVIATIONS * angle.sqrt().min(LOOSE_ANGLE_MAX)),
     };
     if position > 0.0 || angle > 0.0 {
         options.pairs = wider(options.pairs);

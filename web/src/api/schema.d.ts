@@ -6045,7 +6045,7 @@ export interface components {
         Storage: {
             /**
              * Format: int64
-             * @description Free bytes of the disk; null if unknown.
+             * @description Free bytes of the disk, those of the held reserve included; null if unknown.
              */
             free_bytes?: number | null;
             /** @description Stored bytes per key, largest first. Removing what a key wrote frees them. */
