@@ -115,7 +115,10 @@ impl Asked {
                 return state;
             }
             if begun.elapsed() > within && !is_cancelled {
-                self.must(Method::POST, &format!("{path}/cancel"), None).await;
+                // It may have ended by itself meanwhile.
+                let cancelled = self.send(&Method::POST, &format!("{path}/cancel"), None).await;
+                let (status, value) = cancelled.unwrap();
+                assert!(status.is_success() || status == StatusCode::CONFLICT, "{status} {value}");
                 is_cancelled = true;
             }
             tokio::time::sleep(Duration::from_millis(50)).await;

@@ -17,7 +17,7 @@ use serde_json::json;
 use crate::admin_key::{AdminKeyFile, chosen};
 use crate::forwarder::{self, ForwardArgs};
 use crate::output::Output;
-use crate::supervisor::{self, Notice};
+use crate::supervisor::{self, Notice, Signals};
 
 /// Default address of a server.
 pub(crate) const DEFAULT_LISTEN: &str = "127.0.0.1:7411";
@@ -319,7 +319,11 @@ pub(crate) async fn run(args: ServeArgs, output: Output) -> anyhow::Result<()> {
     );
     let config = settings::config(args);
     let started = Config { first_admin_key, cluster, forward: forward.clone(), ..config };
-    let server = Server::start(started).await;
+    let mut signals = Signals::listen()?;
+    let server = tokio::select! {
+        server = Server::start(started) => server,
+        () = signals.told_to_stop() => return Ok(()),
+    };
     let mut server = server.map_err(|error| match error {
         StartError::Listen { ref source, .. } if source.kind() == ErrorKind::AddrInUse => {
             anyhow::Error::from(error)
@@ -361,7 +365,7 @@ pub(crate) async fn run(args: ServeArgs, output: Output) -> anyhow::Result<()> {
     let outbox = server.take_outbox().zip(central).zip(forward);
     let forwarding = outbox
         .map(|((outbox, central), forward)| tokio::spawn(forwarder::run(outbox, central, forward)));
-    let stopped = supervisor::until_told_to_stop().await;
+    signals.told_to_stop().await;
     supervisor::tell(Notice::Stopping);
     if let Some(forwarding) = forwarding {
         forwarding.abort();
@@ -372,7 +376,7 @@ pub(crate) async fn run(args: ServeArgs, output: Output) -> anyhow::Result<()> {
         _ = tokio::signal::ctrl_c() => {}
     }
     watching.abort();
-    stopped
+    Ok(())
 }
 
 /// The file for a new admin key; `None` for the terminal.

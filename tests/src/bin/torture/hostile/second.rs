@@ -286,7 +286,7 @@ pub(super) async fn set(
     }
     let large = json!({"name": "wide-skin", "description": {"grid": {"rows": 64, "cols": 64,
         "pitch": 0.001, "taxel_width": 0.0009}, "covering_thickness": 0.00254,
-        "saturation": 20_000.0}});
+        "saturation": 20_000.0, "noise": 100.0, "quantisation": 78.125}});
     let large = post(&trainer, "/v1/sensors".to_owned(), large).await?;
     let package = format!("{url}/v1/catalogues/default/versions/1/package");
     let package = send(admin, Method::GET, package, None).await.done().unwrap_or_default();
