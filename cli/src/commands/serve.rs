@@ -309,17 +309,17 @@ pub(crate) async fn run(args: ServeArgs, output: Output) -> anyhow::Result<()> {
     let cluster = args.store.options(&args.data)?;
     let data = crate::cluster::place(cluster.as_ref(), &args.data);
     let first_admin_key = args.first_admin_key_file.as_deref().map(chosen).transpose()?;
-    // Before anything is written: a server that may not start leaves no folder behind.
-    palpate_server::check(&settings::config(args.clone()))?;
-    let key_file = key_file(&args)?;
     let (forward, central) = args.forward.prepared()?.unzip();
     anyhow::ensure!(
         forward.is_none() || cluster.is_none(),
         "a cell stores in a folder: `forward_to` excludes `store`"
     );
-    let config = settings::config(args);
-    let started = Config { first_admin_key, cluster, forward: forward.clone(), ..config };
-    let server = Server::start(started).await;
+    let config = settings::config(args.clone());
+    let config = Config { first_admin_key, cluster, forward: forward.clone(), ..config };
+    // Before anything is written: a server that may not start leaves no folder behind.
+    palpate_server::check(&config)?;
+    let key_file = key_file(&args)?;
+    let server = Server::start(config).await;
     let mut server = server.map_err(|error| match error {
         StartError::Listen { ref source, .. } if source.kind() == ErrorKind::AddrInUse => {
             anyhow::Error::from(error)
