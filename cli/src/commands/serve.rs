@@ -142,8 +142,9 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u64).range(1..=1_000_000)
     )]
     belief_memory_mb: u64,
-    /// Memory for the bodies of all requests in progress, in MB. A request that does not fit is
-    /// refused (503). A mesh of 64 MB must fit.
+    /// Memory for the bodies of all requests in progress and the values in them, in MB. A request
+    /// that does not fit is refused (503). One takes at most 168 MB, and one client three quarters
+    /// of the whole: with less than 224 MB, the largest requests are always refused.
     #[arg(
         long,
         env = "PALPATE_BODY_MEMORY_MB",

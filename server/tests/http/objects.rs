@@ -243,7 +243,7 @@ async fn refusals_of_meshes_say_what_the_file_is_and_what_to_do() {
         ("model/stl", zip, "ZIP archive"),
         ("model/stl", step, "export STL or 3MF"),
         ("model/stl", off_box(CUBE).repeat(9).into_bytes(), "begins as OFF does"),
-        ("model/stl", vec![0; 3_000_000], "longer than 2 MB: decimate"),
+        ("model/stl", vec![0; 3_000_000], "longer than 2.50 MB: decimate"),
         ("model/off", tiny, "extent 4e-27 m"),
         ("model/off", huge, "extent of 4e28 m"),
     ] {
