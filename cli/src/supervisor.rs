@@ -98,7 +98,7 @@ fn reachable(listening: SocketAddr) -> SocketAddr {
 }
 
 /// Waits for a signal that usually ends a process: Ctrl-C, SIGTERM, SIGQUIT, or SIGHUP (its terminal
-/// was closed) unless it was started to survive that. From then on SIGXFSZ does not end it: a write
+/// was closed) unless it may have been started to survive that. From then on SIGXFSZ does not end it: a write
 /// over the limit on file sizes (`ulimit -f`) is an error like one on a full disk.
 #[cfg(unix)]
 pub(crate) async fn until_told_to_stop() -> anyhow::Result<()> {
@@ -106,7 +106,8 @@ pub(crate) async fn until_told_to_stop() -> anyhow::Result<()> {
     let _ignored = signal(SignalKind::from_raw(SIGXFSZ))?;
     let mut terminate = signal(SignalKind::terminate())?;
     let mut quit = signal(SignalKind::quit())?;
-    let mut hang_up = match survives_hang_up() {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mut hang_up = match survives_hang_up(&status) {
         true => None,
         false => Some(signal(SignalKind::hangup())?),
     };
@@ -125,18 +126,31 @@ pub(crate) async fn until_told_to_stop() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Whether SIGHUP is ignored from the start, as by `nohup`; `false` where the system does not say.
+/// Whether SIGHUP is ignored from the start, as by `nohup`, by the status of the process (Linux).
+/// `true` where the system does not say: SIGHUP then has the effect that it had at the start.
 #[cfg(unix)]
-fn survives_hang_up() -> bool {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+fn survives_hang_up(status: &str) -> bool {
     let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     // Bit 0 is signal 1.
     let mask = ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
-    mask.is_some_and(|mask| mask & 1 == 1)
+    mask.is_none_or(|mask| mask & 1 == 1)
 }
 
 /// Waits for Ctrl-C.
 #[cfg(not(unix))]
 pub(crate) async fn until_told_to_stop() -> anyhow::Result<()> {
     Ok(tokio::signal::ctrl_c().await?)
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_process_that_ignores_hang_ups_survives_them() {
+        let status = |mask: &str| format!("Name:\tpalpate\nSigIgn:\t{mask}\nSigCgt:\t0\n");
+        assert!(survives_hang_up(&status("0000000000001001")));
+        assert!(!survives_hang_up(&status("0000000000001000")));
+        assert!(survives_hang_up(""), "a system that does not say");
+    }
 }
