@@ -147,6 +147,11 @@ async fn training_readings_are_stored_once_and_listed() {
     readings[0]["frame_id"] = json!("table");
     let mixed = it.post(path, &json!({"readings": readings})).await;
     mixed.problem(422, "invalid-value", Some("/readings/1/frame_id"));
+    readings[1]["frame_id"] = json!("");
+    let unnamed = it.post(path, &json!({"readings": readings})).await;
+    let problem = unnamed.problem(422, "invalid-value", Some("/readings/1/frame_id"));
+    let detail = problem["errors"][0]["detail"].as_str().unwrap();
+    assert!(detail.starts_with("came null, expected \"table\""), "{detail}");
     assert_eq!(it.get("/v1/objects/mug").await.expect(200)["n_readings"], 3);
 }
 
