@@ -288,7 +288,8 @@ mod tests {
     /// A key floods a webhook that has an older event of another key.
     #[test]
     fn events_that_a_key_displaced_itself_stay_away() {
-        let [mine, others] = [7, 8].map(|key| (EventKind::TrainingFinished, Some(Uuid::from_u128(key))));
+        let [mine, others] =
+            [7, 8].map(|key| (EventKind::TrainingFinished, Some(Uuid::from_u128(key))));
         let mut it = known([]);
         push(&mut it, 1, others);
         (2..500).for_each(|event| push(&mut it, event, mine));
