@@ -102,9 +102,9 @@ fn reachable(listening: SocketAddr) -> SocketAddr {
 }
 
 /// The signals that usually end a process, which no longer end it by themselves: Ctrl-C, SIGTERM,
-/// SIGQUIT, and SIGHUP (its terminal was closed) unless it was started to survive that. SIGXFSZ does
-/// not end it either: a write over the limit on file sizes (`ulimit -f`) is an error like one on a
-/// full disk.
+/// SIGQUIT, and SIGHUP (its terminal was closed) unless it may have been started to survive that.
+/// SIGXFSZ does not end it either: a write over the limit on file sizes (`ulimit -f`) is an error
+/// like one on a full disk.
 #[cfg(unix)]
 pub(crate) struct Signals(Vec<Signal>);
 
@@ -117,7 +117,8 @@ impl Signals {
     pub(crate) fn listen() -> io::Result<Self> {
         let _ignored = signal(SignalKind::from_raw(SIGXFSZ))?;
         let ending = [SignalKind::interrupt(), SignalKind::terminate(), SignalKind::quit()];
-        let hang_up = (!survives_hang_up()).then(SignalKind::hangup);
+        let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+        let hang_up = (!survives_hang_up(&status)).then(SignalKind::hangup);
         Ok(Self(ending.into_iter().chain(hang_up).map(signal).collect::<io::Result<_>>()?))
     }
 
@@ -128,14 +129,14 @@ impl Signals {
     }
 }
 
-/// Whether SIGHUP is ignored from the start, as by `nohup`; `false` where the system does not say.
+/// Whether SIGHUP is ignored from the start, as by `nohup`, by the status of the process (Linux).
+/// `true` where the system does not say: SIGHUP then has the effect that it had at the start.
 #[cfg(unix)]
-fn survives_hang_up() -> bool {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+fn survives_hang_up(status: &str) -> bool {
     let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     // Bit 0 is signal 1.
     let mask = ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
-    mask.is_some_and(|mask| mask & 1 == 1)
+    mask.is_none_or(|mask| mask & 1 == 1)
 }
 
 /// Ctrl-C, which no longer ends the process by itself.
@@ -155,5 +156,18 @@ impl Signals {
     /// Waits for it.
     pub(crate) async fn told_to_stop(&mut self) {
         self.0.recv().await;
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_process_that_ignores_hang_ups_survives_them() {
+        let status = |mask: &str| format!("Name:\tpalpate\nSigIgn:\t{mask}\nSigCgt:\t0\n");
+        assert!(survives_hang_up(&status("0000000000001001")));
+        assert!(!survives_hang_up(&status("0000000000001000")));
+        assert!(survives_hang_up(""), "a system that does not say");
     }
 }

@@ -142,8 +142,9 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u64).range(1..=1_000_000)
     )]
     belief_memory_mb: u64,
-    /// Memory for the bodies of all requests in progress, in MB. A request that does not fit is
-    /// refused (503). A mesh of 64 MB must fit.
+    /// Memory for the bodies of all requests in progress and the values in them, in MB. A request
+    /// that does not fit is refused (503). One takes at most 168 MB, and one client three quarters
+    /// of the whole: with less than 224 MB, the largest requests are always refused.
     #[arg(
         long,
         env = "PALPATE_BODY_MEMORY_MB",
@@ -309,19 +310,19 @@ pub(crate) async fn run(args: ServeArgs, output: Output) -> anyhow::Result<()> {
     let cluster = args.store.options(&args.data)?;
     let data = crate::cluster::place(cluster.as_ref(), &args.data);
     let first_admin_key = args.first_admin_key_file.as_deref().map(chosen).transpose()?;
-    // Before anything is written: a server that may not start leaves no folder behind.
-    palpate_server::check(&settings::config(args.clone()))?;
-    let key_file = key_file(&args)?;
     let (forward, central) = args.forward.prepared()?.unzip();
     anyhow::ensure!(
         forward.is_none() || cluster.is_none(),
         "a cell stores in a folder: `forward_to` excludes `store`"
     );
-    let config = settings::config(args);
-    let started = Config { first_admin_key, cluster, forward: forward.clone(), ..config };
+    let config = settings::config(args.clone());
+    let config = Config { first_admin_key, cluster, forward: forward.clone(), ..config };
+    // Before anything is written: a server that may not start leaves no folder behind.
+    palpate_server::check(&config)?;
+    let key_file = key_file(&args)?;
     let mut signals = Signals::listen()?;
     let server = tokio::select! {
-        server = Server::start(started) => server,
+        server = Server::start(config) => server,
         () = signals.told_to_stop() => return Ok(()),
     };
     let mut server = server.map_err(|error| match error {

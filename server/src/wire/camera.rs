@@ -129,9 +129,8 @@ fn some(pointer: &str, weights: &[f64]) -> Result<(), Invalid> {
 fn weight(pointer: &str, found: f64) -> Result<f64, Invalid> {
     let [min, max] = WEIGHT;
     if found > 0.0 && found < min {
-        let found = palpate_core::units::Beyond(found, [0.0, min]);
-        let detail = format!("came {found}, expected 0, or {min:e} to {max}");
-        return Err(Invalid::field(pointer, detail));
+        let expected = format!("0, or {min:e} to {max}");
+        return Err(outside(pointer, found, [0.0, min], &expected));
     }
     number(pointer, found, 0.0, max)
 }

@@ -1926,7 +1926,7 @@ export interface webhooks {
         put?: never;
         /**
          * Receive an event
-         * @description Posted to the URL of a webhook, signed as Standard Webhooks say. Any answer but these is tried again.
+         * @description Posted to the URL of a webhook, signed as Standard Webhooks say. After any other answer the server sends the event again.
          */
         post: operations["receive_webhook_event"];
         delete?: never;
@@ -7314,7 +7314,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/analyses/covering",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -8420,7 +8420,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/catalogues/{name}/aliases/{alias}",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -8962,7 +8962,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/catalogues/{name}/calibrations",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -9482,7 +9482,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/catalogues/{name}/current",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -9818,7 +9818,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/catalogues/{name}/labels",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -10277,7 +10277,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/catalogues/{name}/merges",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -10616,7 +10616,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/catalogues/{name}/trainings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -14203,7 +14203,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/catalogues/{name}/versions/{version}/shadow",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -15131,7 +15131,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/fleet/acknowledgements",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -15410,7 +15410,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/fleet/closings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -17031,7 +17031,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/keys",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -17719,7 +17719,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/keys/{key}/rotate",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -18369,7 +18369,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/objects",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -19071,7 +19071,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/objects/{object}",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -19387,7 +19387,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/objects/{object}/labels",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -19866,7 +19866,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/objects/{object}/mesh",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -20507,7 +20507,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/objects/{object}/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -21504,7 +21504,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/robots/{robot}",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -22416,7 +22416,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/sensors",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -23602,7 +23602,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/sensors/{sensor}/calibration",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -24018,7 +24018,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/sensors/{sensor}/check",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -24840,7 +24840,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/sensors/{sensor}/commissionings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -25395,7 +25395,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/sensors/{sensor}/labels",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -26475,7 +26475,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/sessions",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -27031,7 +27031,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/sessions/{session}",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -27864,7 +27864,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/sessions/{session}/close",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -28712,7 +28712,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/sessions/{session}/forwarded",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -29053,7 +29053,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/sessions/{session}/labels",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -29411,7 +29411,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/sessions/{session}/lease",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -30218,7 +30218,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/sessions/{session}/next-touches",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -31058,7 +31058,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/sessions/{session}/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -32978,7 +32978,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/webhooks",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -33634,7 +33634,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/webhooks/{webhook}",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -34542,7 +34542,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/webhooks/{webhook}/rotate",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
