@@ -130,7 +130,8 @@ def one_copy(start, readings, expected, whole_bytes):
     _, found = played((first, second), readings)
     assert found == expected, "one copy on two servers: another belief"
     both = [surface_bytes(it) for it in (first, second)]
-    assert all(0 < it < 0.9 * whole_bytes for it in both), (both, whole_bytes)
+    # One may hold most blocks by its id, and reads maps of the others for next touches.
+    assert 0 < min(both) < 0.9 * whole_bytes, (both, whole_bytes)
     print(f"one copy on two servers: equal beliefs, {both} of {whole_bytes} bytes of surfaces")
 
     second.process.send_signal(signal.SIGSTOP)
