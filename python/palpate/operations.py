@@ -335,10 +335,11 @@ class Operations(Administration, Inspection):
         else:
             content = Path(mesh).read_bytes()
             format = format or Path(mesh).suffix.removeprefix(".").lower()
-        if unit is None and format not in ("glb", "3mf"):
-            raise ValueError("unit: is missing, expected m, mm, cm or in: files do not record it")
         if format not in MEDIA_TYPES:
             raise ValueError(f"format: came {format!r}, expected one of {', '.join(MEDIA_TYPES)}")
+        if unit is None and format not in ("glb", "3mf"):
+            expected = "expected m, mm, cm or in"
+            raise ValueError(f"unit: is missing, {expected}: {format} does not record it")
         request = put("v1", "objects", object, "mesh").with_query(unit=unit)
         return ask(request.with_content(MEDIA_TYPES[format], content), same)
 

@@ -111,7 +111,7 @@ def test_objects_and_sensors_are_listed_and_changed(client: Client, tmp_path: Pa
     report = client.put_mesh("tool", tmp_path / "tool.off", unit="m")
     assert report["n_triangles"] == len(mesh.faces)
     assert client.mesh("tool") == mesh.to_off()
-    with pytest.raises(ValueError, match="unit"):
+    with pytest.raises(ValueError, match="off does not record it"):
         client.put_mesh("tool", tmp_path / "tool.off")
     assert client.update_object("tool", name="tool-2").description == "of steel"
     assert client.object("tool-2").has_mesh

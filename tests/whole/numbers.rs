@@ -2,9 +2,9 @@
 //!
 //! The server must answer within ten seconds of two cores and within a gigabyte, and stay alive; it
 //! must abandon slow work within a second after its caller hangs up. Seconds are processor time of
-//! the server, which does not depend on the speed of the machine. The fields come from
-//! `schemas/openapi.json`, the requests around them from a table here; the test fails for a
-//! number that no request has. Not here: the content of the answers.
+//! the server, which does not depend on the load of the machine, but does on its speed. The fields
+//! come from `schemas/openapi.json`, the requests around them from a table here; the test fails
+//! for a number that no request has. Not here: the content of the answers.
 
 pub(crate) mod fields;
 pub(crate) mod requests;
