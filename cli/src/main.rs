@@ -30,6 +30,7 @@ mod help;
 mod commands;
 mod args;
 mod dispatch;
+mod listen;
 mod logging;
 
 use std::ffi::OsString;

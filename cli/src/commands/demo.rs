@@ -29,9 +29,9 @@ use tokio::task::JoinSet;
 
 use self::screen::Screen;
 use self::summary::Summary;
-use super::serve::{DEFAULT_LISTEN, listen_address};
 use super::{touch, train};
 use crate::exit::Ended;
+use crate::listen::{DEFAULT_LISTEN, listen_address};
 use crate::output::Output;
 use crate::progress::is_watched;
 use crate::robot::{Robot, described};

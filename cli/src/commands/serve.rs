@@ -3,7 +3,7 @@
 mod settings;
 
 use std::io::{ErrorKind, IsTerminal as _};
-use std::net::{Ipv4Addr, SocketAddr};
+use std::net::SocketAddr;
 use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -16,11 +16,9 @@ use serde_json::json;
 
 use crate::admin_key::{AdminKeyFile, chosen};
 use crate::forwarder::{self, ForwardArgs};
+use crate::listen::{DEFAULT_LISTEN, listen_address};
 use crate::output::Output;
 use crate::supervisor::{self, Notice, Signals};
-
-/// Default address of a server.
-pub(crate) const DEFAULT_LISTEN: &str = "127.0.0.1:7411";
 
 /// Arguments of `palpate serve`.
 #[derive(Clone, Debug, Args)]
@@ -294,16 +292,6 @@ const ADMIN_KEY: &str = "An admin's key was made. It is shown this once; keep it
     with it:\n`PALPATE_KEY=… palpate keys create NAME --role robot`";
 /// File in the data folder for the admin key if standard output is not a terminal.
 const ADMIN_KEY_FILE: &str = "admin.key";
-
-/// An address to listen on: `127.0.0.1:7411`, `[::1]:7411`, `localhost:7411`, or a port alone.
-pub(crate) fn listen_address(text: &str) -> Result<SocketAddr, String> {
-    let local = |port: &str| port.parse().ok().map(|port| (Ipv4Addr::LOCALHOST, port).into());
-    let address = text.parse().ok();
-    let address = address.or_else(|| local(text.strip_prefix("localhost:").unwrap_or(text)));
-    address.ok_or_else(|| {
-        format!("came {text:?}, expected an address with a port, such as {DEFAULT_LISTEN}")
-    })
-}
 
 /// Serves until told to stop.
 pub(crate) async fn run(args: ServeArgs, output: Output) -> anyhow::Result<()> {
