@@ -11,6 +11,7 @@ mod knowledge;
 mod json_file;
 mod numbers;
 mod output;
+mod listen;
 mod exit;
 mod ids;
 mod method;
@@ -30,7 +31,6 @@ mod help;
 mod commands;
 mod args;
 mod dispatch;
-mod listen;
 mod logging;
 
 use std::ffi::OsString;

@@ -4,12 +4,12 @@
 //! on the disk itself. It shrinks by what an essential commit or a removal needs, and grows again
 //! when there is room. Its content means nothing; without it the reserve is only a comparison.
 
-use std::fs::{File, OpenOptions};
-use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use fs4::FileExt;
+
+use crate::private;
 
 const FILE: &str = "reserve";
 
@@ -44,7 +44,7 @@ impl Reserve {
         if self.bytes() == self.whole {
             return;
         }
-        let grown = self.file().and_then(|file| {
+        let grown = private::open(&self.path).and_then(|file| {
             file.set_len(self.bytes().min(self.whole))?;
             file.allocate(self.whole)
         });
@@ -63,13 +63,9 @@ impl Reserve {
         if left == self.bytes() {
             return;
         }
-        match self.file().and_then(|file| file.set_len(left)) {
+        match private::open(&self.path).and_then(|file| file.set_len(left)) {
             Ok(()) => self.bytes.store(left, Ordering::Relaxed),
             Err(error) => tracing::warn!(%error, "Cannot free the disk's reserve: {error}"),
         }
-    }
-
-    fn file(&self) -> io::Result<File> {
-        OpenOptions::new().write(true).create(true).truncate(false).open(&self.path)
     }
 }

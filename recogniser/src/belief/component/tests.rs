@@ -215,7 +215,7 @@ fn a_drifting_component_discounts_earlier_touches() {
 }
 
 #[test]
-fn the_pair_with_the_first_touch_counts_once_in_the_retrieval_score() {
+fn the_pair_with_the_first_touch_counts_once() {
     let all = objects(40, 60);
     let common = common(&all);
     let first = &all[2][3];
