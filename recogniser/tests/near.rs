@@ -216,7 +216,7 @@ fn touches_of_a_resting_sensor_count_if_the_object_moves() {
 }
 
 #[test]
-fn a_miss_that_comes_again_counts_where_the_object_may_have_moved() {
+fn a_repeated_miss_counts_where_the_object_may_have_moved() {
     let many = touches(1, 4, 3);
     let drifting = |drift: f64, between: bool| {
         let motion = Some(Looseness { position: drift, angle: 0.0 });
