@@ -19,12 +19,12 @@ from palpate.errors import PalpateError, StatusError
 from palpate.operations import add_documents, close, create, rank, read_belief
 from palpate.pose import Pose, PoseLike
 from palpate.readings import image_to_wire
+from palpate.steps import AsyncRunner, Document, Step, Steps, SyncRunner, ask, operation
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
     from palpate.options import NextTouchOptions, SessionOptions
-from palpate.steps import AsyncRunner, Document, Step, Steps, SyncRunner, ask, operation
 
 
 class Stamps:

@@ -8,12 +8,12 @@
 //! like it (`turns`). So short work waits for slices of long work, never for its end, and a client
 //! waits in proportion to the time that it has spent itself.
 //!
-//! A large piece is shared out to as many threads as there are cores (`rayon` in core), of each kind
-//! up to four at once. Small pieces stay on one thread, and so do large ones once as many are at work
-//! as there are threads: to share costs processor time, to wake threads and to let them look for
-//! parts. No two pieces have the same threads. Async threads only wait. A computation takes a [`Place`] before anything
-//! is stored; if there is none, the request gets 503 and can be repeated. Work whose asker has
-//! gone (`asker`) is not started. A panic in one piece ends that piece only.
+//! A large piece is shared out to as many threads as there are cores (`rayon` in core), at most four
+//! pieces of a kind at once. Small pieces stay on one thread, and so do large ones once as many are
+//! at work as there are threads: sharing costs processor time to wake threads and to let them look
+//! for parts. No two pieces have the same threads. Async threads only wait. A computation takes a
+//! [`Place`] before anything is stored; if there is none, the request gets 503 and can be repeated.
+//! Work whose asker has gone (`asker`) is not started. A panic in one piece ends that piece only.
 
 mod urgency;
 mod sharing;

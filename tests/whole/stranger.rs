@@ -1,5 +1,6 @@
-//! Invented values of everything that a request can carry, with and without a key: after those of
-//! each place in a request the memory of a real server, and in the end its metrics are as before.
+//! Invented values of everything that a request can carry, with and without a key. The memory of a
+//! real server must be as before after the values of each place in a request, its metrics in the
+//! end.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;

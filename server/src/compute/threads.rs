@@ -14,8 +14,8 @@ use super::sharing::Sharing;
 use super::turns::{Seat, Taken, Turns};
 use super::urgency::{Thread, Urgency};
 
-/// Interval at which a thread that the system refused is tried again. Chosen: many times a tick, and
-/// short for work that waits.
+/// Interval at which a thread that the system refused is tried again. Chosen: many ticks, and short
+/// for work that waits.
 const RETRY_EVERY: Duration = Duration::from_secs(1);
 
 /// Starts the threads that take pieces in turn, and the one that ends their slices.

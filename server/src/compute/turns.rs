@@ -23,11 +23,11 @@ use crate::client::Client;
 const SLICE: Duration = Duration::from_millis(40);
 /// Interval at which slices end.
 const TICK: Duration = Duration::from_millis(10);
-/// Most time by which a client's account may exceed the smallest one. It bounds how long the client's
-/// next short work waits. Chosen: a few times the slices of all cores.
+/// Most time by which a client's account may exceed the smallest one. It bounds how long the
+/// client's next short work waits. Chosen: a few times the slices of all cores.
 const DEBT_MAX: Duration = Duration::from_secs(1);
-/// Most pieces of one urgency that are shared out at once. Chosen: each has as many threads of its own
-/// as there are cores, so more pieces would cost memory and switches and end no sooner.
+/// Most pieces of one urgency that are shared out at once. Chosen: each has as many threads of its
+/// own as there are cores, so more pieces would cost memory and switches and end no sooner.
 const SHARED_MAX: usize = 4;
 
 /// A piece of work.

@@ -137,7 +137,8 @@ pub(crate) fn of_catalogue(
     warnings
 }
 
-/// Objects with equal shapes or readings: the names of two, and the number of such pairs.
+/// Warns of objects with equal shapes or readings, given the names of the first pair and the number
+/// of pairs.
 pub(crate) fn of_twins(([one, other], n_pairs): ([String; 2], usize)) -> Warning {
     let others = match n_pairs {
         0 | 1 => String::new(),

@@ -1,4 +1,4 @@
-//! Where the effect of every field of every request body shows, and a test that no field is missing.
+//! A table of where the effect of each field of a request body shows; no field may be missing.
 //!
 //! A field that is accepted and has no effect misleads its sender. The test compares names alone:
 //! it sends no request. Fields of readings are walked over HTTP (`tests/http/contradictions.rs`).

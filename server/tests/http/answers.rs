@@ -146,7 +146,7 @@ async fn a_training_that_takes_too_much_memory_is_refused() {
     assert_eq!(it.get("/v1/jobs").await.expect(200)["items"].as_array().unwrap().len(), 2);
     let it = it.restart_with(|config| config.training_memory_bytes_max = 1_000_000).await;
     it.post(path, &json!({})).await.problem(422, "invalid-value", Some("/objects"));
-    // Three readings of 36 taxels and features of 4,096 values weigh 3 × (300 + 110 × 4,132) bytes.
+    // Three readings of 36 taxels and features of 4,096 values: 3 × (300 + 110 × 4,132) bytes.
     it.post("/v1/objects", &json!({"name": "felt"})).await.expect(201);
     let mut reading = quiet_reading();
     for feature in [vec![0; 4096], vec![1; 4096], vec![2; 4096]] {

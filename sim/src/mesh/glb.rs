@@ -23,7 +23,7 @@ const FORMAT: MeshFormat = MeshFormat::Glb;
 const HEADER_BYTES: usize = 12;
 /// Largest description of nodes and meshes. Small items of it become a hundred times as large.
 const JSON_BYTES_MAX: usize = 2_000_000;
-/// Parts of the names of extensions that do not change a shape, whoever made them.
+/// Words in the names of extensions that do not change a shape, behind the prefix of any vendor.
 const LOOKS: [&str; 3] = ["_materials_", "_texture_", "_lights_"];
 /// The members of a description that say a shape.
 const SHAPES: [&str; 6] = ["scene", "nodes", "meshes", "accessors", "bufferViews", "buffers"];

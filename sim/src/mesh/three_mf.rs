@@ -40,11 +40,9 @@ const ROOT: &str = "3d/3dmodel.model";
 /// A part's index in the archive, and an object's number in it.
 type Key = (usize, u32);
 
-/// The index of a part that the archive does not have.
-const NO_PART: usize = usize::MAX;
-
-/// A reference to an object, with the transform from its part to that of the reference.
-type Placed = (Key, DAffine3);
+/// A reference to an object, with the transform from its part to that of the reference; `None` for
+/// a part that the archive does not have.
+type Placed = (Option<Key>, DAffine3);
 
 #[derive(Default)]
 struct Object {
@@ -85,8 +83,8 @@ pub(super) fn read(bytes: &[u8], polygons: &mut Polygons) -> Result<f64, MeshErr
     model.read_reached(&mut parts, &items)?;
     let mut n_left = OBJECTS_MAX;
     for item in &items {
-        let place = model.placement(item, root);
-        model.place(&parts, item.0, place, DEPTH_MAX, &mut n_left, polygons)?;
+        let (key, place) = model.placed(item, root, &parts)?;
+        model.place(&parts, key, place, DEPTH_MAX, &mut n_left, polygons)?;
     }
     Ok(model.unit(root))
 }
@@ -154,26 +152,27 @@ impl<'a> Parts<'a> {
         Ok(())
     }
 
-    /// The name of a part, for errors.
+    /// The name of a part.
     fn name(&self, idx: usize) -> &str {
-        self.names.get(idx).map_or("archive", String::as_str)
+        &self.names[idx]
     }
 }
 
 impl Model {
     /// Reads the parts of all objects that `items` reach.
     fn read_reached(&mut self, parts: &mut Parts<'_>, items: &[Placed]) -> Result<(), MeshError> {
-        let mut waiting: Vec<Key> = items.iter().map(|(key, _)| *key).collect();
+        let mut waiting: Vec<Key> = items.iter().filter_map(|(key, _)| *key).collect();
         let mut reached = BTreeSet::new();
         while let Some(key) = waiting.pop() {
-            if !reached.insert(key) || key.0 == NO_PART {
+            if !reached.insert(key) {
                 continue;
             }
             if !self.units.contains_key(&key.0) {
                 self.read_part(parts, key.0)?;
             }
             let object = self.objects.get(&key);
-            waiting.extend(object.iter().flat_map(|of| &of.components).map(|(key, _)| *key));
+            let components = object.iter().flat_map(|of| &of.components);
+            waiting.extend(components.filter_map(|(key, _)| *key));
         }
         Ok(())
     }
@@ -188,15 +187,13 @@ impl Model {
         let (mut object, mut items) = (None, Vec::new());
         self.units.insert(part_idx, MM);
         parts.each_element(part_idx, |by_name, element| {
-            let find = |path: String| -> Result<usize, MeshError> {
-                Ok(by_name.get(&key(&path)?).copied().unwrap_or(NO_PART))
-            };
+            let find = |path: String| Ok(by_name.get(&key(&path)?).copied());
             match element.local_name().as_ref() {
                 "model" => {
                     self.units.insert(part_idx, begin(&name, element)?);
                 }
                 of @ ("item" | "component") => {
-                    let named = text(element, "path").map_or(Ok(part_idx), find)?;
+                    let named = text(element, "path").map_or(Ok(Some(part_idx)), find)?;
                     let placed = self.reference(&name, named, element)?;
                     if of == "item" {
                         items.push(placed);
@@ -221,7 +218,7 @@ impl Model {
     fn reference(
         &mut self,
         name: &str,
-        named: usize,
+        named: Option<usize>,
         element: &BytesStart<'_>,
     ) -> Result<Placed, MeshError> {
         let id = number(element, "objectid").ok_or(part(name, "components with an objectid"))?;
@@ -229,7 +226,7 @@ impl Model {
         let place = place.ok_or(part(name, "transforms of twelve numbers"))?;
         self.n_components += 1;
         check_count("components", self.n_components, OBJECTS_MAX)?;
-        Ok(((named, id), place))
+        Ok((named.map(|part_idx| (part_idx, id)), place))
     }
 
     /// Adds a vertex or a triangle to the object that is being read.
@@ -274,9 +271,16 @@ impl Model {
         self.units.get(&part_idx).copied().unwrap_or(MM)
     }
 
-    /// The transform of a reference, from the unit of its object to that of the part `from`.
-    fn placement(&self, (key, place): &Placed, from: usize) -> DAffine3 {
-        *place * DAffine3::from_scale(DVec3::splat(self.unit(key.0) / self.unit(from)))
+    /// The object of a reference in the part `from`, and the transform between their units.
+    fn placed(
+        &self,
+        (key, place): &Placed,
+        from: usize,
+        parts: &Parts<'_>,
+    ) -> Result<(Key, DAffine3), MeshError> {
+        let key = key.ok_or(part(parts.name(from), "parts that the archive has"))?;
+        let scale = DVec3::splat(self.unit(key.0) / self.unit(from));
+        Ok((key, *place * DAffine3::from_scale(scale)))
     }
 
     /// Adds an object and its components at a place.
@@ -307,8 +311,8 @@ impl Model {
         }
         for component in &object.components {
             let depth = depth.checked_sub(1).ok_or(fault("at most 16 components deep"))?;
-            let place = build_from_object * self.placement(component, key.0);
-            self.place(parts, component.0, place, depth, n_left, polygons)?;
+            let (component, place) = self.placed(component, key.0, parts)?;
+            self.place(parts, component, build_from_object * place, depth, n_left, polygons)?;
         }
         Ok(())
     }

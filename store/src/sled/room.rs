@@ -18,8 +18,8 @@ const LOG_GROWTH: u64 = 4;
 /// Overhead of a commit, bytes.
 const COMMIT_BYTES: u64 = 4096;
 
-/// Bytes that are made free at least when something must be written. Chosen: sled begins a segment
-/// of its log of 512 KiB and a file of its index.
+/// Bytes that are made free beyond what a write needs. Chosen: eight
+/// segments of sled's log, of 512 KiB each.
 const MARGIN_BYTES: u64 = 4 << 20;
 
 type Probe = dyn Fn(&Path) -> io::Result<u64> + Send + Sync;
@@ -99,8 +99,10 @@ impl Room {
 
     /// Holds the reserve again if there is room for it.
     pub(super) fn hold(&self) {
-        if let (Some(held), Some(free)) = (&self.held, self.free_beside())
-            && free.saturating_sub(held.missing()) >= self.reserve
+        if let Some(held) = &self.held
+            && let Some(missing) = held.missing()
+            && let Some(free) = self.free_beside()
+            && free.saturating_sub(missing) >= self.reserve
         {
             held.grow();
         }

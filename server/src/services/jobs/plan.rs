@@ -124,8 +124,8 @@ impl Jobs {
         let (n_objects, has, max) = (loads.len(), megabytes(bytes), megabytes(max));
         let detail = format!(
             "{n_objects} objects with these readings, taxels and features would take about {has} of \
-             memory, expected at most {max}: train fewer readings, or fewer objects at a time (`extend`), or \
-             start the server with `--training-memory-mb`"
+             memory, expected at most {max}: train fewer readings, or fewer objects at a time \
+             (`extend`), or start the server with `--training-memory-mb`"
         );
         Err(Cause::field(field, detail))
     }

@@ -256,8 +256,8 @@ pub(super) async fn wide_streams(foe: &Foe, prey: &Prey) -> Vec<String> {
     rest(foe).await
 }
 
-/// Sends requests of which only a part is honest: a second host, and a webhook at an address that
-/// leads through a tunnel (ISATAP) to a cloud's metadata.
+/// Sends requests with a second `Host`, and webhooks whose address contains that of a cloud's
+/// metadata (ISATAP).
 pub(super) async fn disguised(foe: &Foe, prey: &Prey) -> Vec<String> {
     let Some(set) = &prey.set else { return Vec::new() };
     let hook = json!({"url": "http://[::5efe:a9fe:a9fe]/", "events": ["session.decided"]});
