@@ -11,6 +11,7 @@ mod knowledge;
 mod json_file;
 mod numbers;
 mod output;
+mod listen;
 mod exit;
 mod ids;
 mod method;

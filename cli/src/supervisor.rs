@@ -3,8 +3,12 @@
 //!
 //! Without `NOTIFY_SOCKET` and `WATCHDOG_USEC` in the environment nothing is sent.
 
+use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::time::Duration;
+
+#[cfg(unix)]
+use tokio::signal::unix::{Signal, SignalKind, signal};
 
 /// Number of questions of the server to itself within the time of the watchdog: one that fails, for
 /// example on a busy machine, is repeated in time.
@@ -97,46 +101,73 @@ fn reachable(listening: SocketAddr) -> SocketAddr {
     SocketAddr::new(ip, listening.port())
 }
 
-/// Waits for a signal that usually ends a process: Ctrl-C, SIGTERM, SIGQUIT, or SIGHUP (its terminal
-/// was closed) unless it was started to survive that. From then on SIGXFSZ does not end it: a write
-/// over the limit on file sizes (`ulimit -f`) is an error like one on a full disk.
+/// The signals that usually end a process, which no longer end it by themselves: Ctrl-C, SIGTERM,
+/// SIGQUIT, and SIGHUP (its terminal was closed) unless it may have been started to survive that.
+/// SIGXFSZ does not end it either: a write over the limit on file sizes (`ulimit -f`) is an error
+/// like one on a full disk.
 #[cfg(unix)]
-pub(crate) async fn until_told_to_stop() -> anyhow::Result<()> {
-    use tokio::signal::unix::{SignalKind, signal};
-    let _ignored = signal(SignalKind::from_raw(SIGXFSZ))?;
-    let mut terminate = signal(SignalKind::terminate())?;
-    let mut quit = signal(SignalKind::quit())?;
-    let mut hang_up = match survives_hang_up() {
-        true => None,
-        false => Some(signal(SignalKind::hangup())?),
-    };
-    let hung_up = async {
-        match &mut hang_up {
-            Some(hang_up) => hang_up.recv().await,
-            None => std::future::pending().await,
-        }
-    };
-    tokio::select! {
-        interrupted = tokio::signal::ctrl_c() => interrupted?,
-        _ = terminate.recv() => {}
-        _ = quit.recv() => {}
-        _ = hung_up => {}
+pub(crate) struct Signals(Vec<Signal>);
+
+#[cfg(unix)]
+impl Signals {
+    /// Listens from now on.
+    ///
+    /// # Errors
+    /// The operating system's error.
+    pub(crate) fn listen() -> io::Result<Self> {
+        let _ignored = signal(SignalKind::from_raw(SIGXFSZ))?;
+        let ending = [SignalKind::interrupt(), SignalKind::terminate(), SignalKind::quit()];
+        let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+        let hang_up = (!survives_hang_up(&status)).then(SignalKind::hangup);
+        Ok(Self(ending.into_iter().chain(hang_up).map(signal).collect::<io::Result<_>>()?))
     }
-    Ok(())
+
+    /// Waits for the first of them.
+    pub(crate) async fn told_to_stop(&mut self) {
+        let received = self.0.iter_mut().map(|signal| Box::pin(signal.recv()));
+        futures::future::select_all(received).await;
+    }
 }
 
-/// Whether SIGHUP is ignored from the start, as by `nohup`; `false` where the system does not say.
+/// Whether SIGHUP is ignored from the start, as by `nohup`, by the status of the process (Linux).
+/// `true` where the system does not say: SIGHUP then has the effect that it had at the start.
 #[cfg(unix)]
-fn survives_hang_up() -> bool {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+fn survives_hang_up(status: &str) -> bool {
     let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     // Bit 0 is signal 1.
     let mask = ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
-    mask.is_some_and(|mask| mask & 1 == 1)
+    mask.is_none_or(|mask| mask & 1 == 1)
 }
 
-/// Waits for Ctrl-C.
-#[cfg(not(unix))]
-pub(crate) async fn until_told_to_stop() -> anyhow::Result<()> {
-    Ok(tokio::signal::ctrl_c().await?)
+/// Ctrl-C, which no longer ends the process by itself.
+#[cfg(windows)]
+pub(crate) struct Signals(tokio::signal::windows::CtrlC);
+
+#[cfg(windows)]
+impl Signals {
+    /// Listens from now on.
+    ///
+    /// # Errors
+    /// The operating system's error.
+    pub(crate) fn listen() -> io::Result<Self> {
+        tokio::signal::windows::ctrl_c().map(Self)
+    }
+
+    /// Waits for it.
+    pub(crate) async fn told_to_stop(&mut self) {
+        self.0.recv().await;
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_process_that_ignores_hang_ups_survives_them() {
+        let status = |mask: &str| format!("Name:\tpalpate\nSigIgn:\t{mask}\nSigCgt:\t0\n");
+        assert!(survives_hang_up(&status("0000000000001001")));
+        assert!(!survives_hang_up(&status("0000000000001000")));
+        assert!(survives_hang_up(""), "a system that does not say");
+    }
 }

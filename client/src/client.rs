@@ -70,7 +70,8 @@ impl Client {
     /// connect yet.
     ///
     /// # Errors
-    /// [`Error::Address`], [`Error::AddressOfApi`], [`Error::Key`], [`Error::Authority`] and [`Error::SetUp`].
+    /// [`Error::Address`], [`Error::AddressOfApi`], [`Error::Key`], [`Error::Authority`] and
+    /// [`Error::SetUp`].
     pub fn new(address: &str) -> Result<Self, Error> {
         Self::with_options(address, ClientOptions::default())
     }

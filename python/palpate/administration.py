@@ -6,7 +6,7 @@ They belong to `Client` and `AsyncClient` like those of `operations.py`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from palpate.documents import Job, ObjectInfo, SensorInfo, Session
 from palpate.steps import (
@@ -25,6 +25,11 @@ from palpate.steps import (
     put,
     same,
 )
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from palpate.options import ComparisonOptions
 
 
 def label(kind: str, thing: str, labels: dict[str, str]) -> Request:
@@ -73,15 +78,14 @@ class Administration:
 
     @operation
     def start_comparison(
-        self, /, version: int, catalogue: str = "default", **options: Any
+        self, /, version: int, catalogue: str = "default", **options: Unpack[ComparisonOptions]
     ) -> Steps[Job]:
         """Starts a comparison of a version with another one on ended sessions.
 
-        `options` are `against`, `sessions` and `risk`. When the job has ended, its document has
-        the `shadow_report`.
+        When the job has ended, its document has the `shadow_report`.
         """
         path = ("v1", "catalogues", catalogue, "versions", str(version), "shadow")
-        return ask(post(*path).with_json(options), Job.from_wire)
+        return ask(post(*path).with_json({**options}), Job.from_wire)
 
     @operation
     def fleet(self, *, needed: bool = False, limit: int = 100) -> Steps[Document]:

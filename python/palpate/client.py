@@ -10,7 +10,7 @@ from collections.abc import AsyncIterator, Iterator
 from contextlib import aclosing
 from ipaddress import ip_address
 from types import TracebackType
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import httpx
 
@@ -29,6 +29,11 @@ from palpate.operations import Operations
 from palpate.retry import RetryPolicy
 from palpate.steps import AsyncRunner, Exchange, Request, Sleep, Step, SyncRunner, attempts, get
 from palpate.touch_session import AsyncTouchSession, TouchSession
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from palpate.options import SessionOptions
 
 T = TypeVar("T")
 
@@ -131,7 +136,7 @@ class Client(Operations, SyncRunner):
         self._http.close()
 
     def touch_session(
-        self, robot: str, *, sensor: str | None = None, **options: Any
+        self, robot: str, *, sensor: str | None = None, **options: Unpack[SessionOptions]
     ) -> TouchSession:
         """A session for one robot, to be opened with `with`.
 
@@ -243,7 +248,7 @@ class AsyncClient(Operations, AsyncRunner):
         await self._http.aclose()
 
     def touch_session(
-        self, robot: str, *, sensor: str | None = None, **options: Any
+        self, robot: str, *, sensor: str | None = None, **options: Unpack[SessionOptions]
     ) -> AsyncTouchSession:
         """A session for one robot, to be opened with `async with`."""
         return AsyncTouchSession(self, robot, sensor, **options)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy.typing as npt
 
@@ -36,6 +36,17 @@ from palpate.steps import (
     put,
     same,
 )
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from palpate.options import (
+        NextTouchOptions,
+        RecalibrationOptions,
+        SensorOptions,
+        SessionOptions,
+        TrainingOptions,
+    )
 
 READINGS_MAX = 1_000
 """Most readings of one request."""
@@ -83,7 +94,7 @@ def wait(job: Job | str, progress: Progress | None, timeout: float | None) -> St
     return state
 
 
-def start(name: str, sensor: str | None, options: dict[str, Any]) -> Steps[Job]:
+def start(name: str, sensor: str | None, options: TrainingOptions) -> Steps[Job]:
     """Starts a training."""
     document = {"sensor": sensor, **options}
     return ask(post("v1", "catalogues", name, "trainings").with_json(document), Job.from_wire)
@@ -125,9 +136,9 @@ def close(
     return ask(request, Session.from_wire)
 
 
-def create(options: dict[str, Any]) -> Steps[Session]:
+def create(options: SessionOptions) -> Steps[Session]:
     """Creates a session."""
-    return ask(post("v1", "sessions").with_json(options), Session.from_wire)
+    return ask(post("v1", "sessions").with_json({**options}), Session.from_wire)
 
 
 def read_belief(session: str, poses: int | None, at: int | None) -> Steps[Belief]:
@@ -142,7 +153,7 @@ def rank(
     candidates: Sequence[tuple[PoseLike, float]] | None,
     costs: Sequence[float] | None,
     workspace: tuple[npt.ArrayLike, float] | None,
-    options: dict[str, Any],
+    options: NextTouchOptions,
 ) -> Steps[NextTouches]:
     """Ranks the next touches of a session."""
     document: Document = {"sensor": sensor, **options}
@@ -203,12 +214,9 @@ class Operations(Administration, Inspection):
         *,
         preset: str | None = None,
         description: Document | None = None,
-        **options: Any,
+        **options: Unpack[SensorOptions],
     ) -> Steps[SensorInfo]:
-        """Creates a sensor from a preset or a description (`DescribeSensor` of the API).
-
-        `options` are `sensor_knowledge`, `coupling` and `image_order`.
-        """
+        """Creates a sensor from a preset or a description (`DescribeSensor` of the API)."""
         document = {"name": name, "preset": preset, "description": description, **options}
         return ask(post("v1", "sensors").with_json(document), SensorInfo.from_wire)
 
@@ -327,10 +335,11 @@ class Operations(Administration, Inspection):
         else:
             content = Path(mesh).read_bytes()
             format = format or Path(mesh).suffix.removeprefix(".").lower()
-        if unit is None and format not in ("glb", "3mf"):
-            raise ValueError("unit: is missing, expected m, mm, cm or in: files do not record it")
         if format not in MEDIA_TYPES:
             raise ValueError(f"format: came {format!r}, expected one of {', '.join(MEDIA_TYPES)}")
+        if unit is None and format not in ("glb", "3mf"):
+            expected = "expected m, mm, cm or in"
+            raise ValueError(f"unit: is missing, {expected}: {format} does not record it")
         request = put("v1", "objects", object, "mesh").with_query(unit=unit)
         return ask(request.with_content(MEDIA_TYPES[format], content), same)
 
@@ -393,9 +402,14 @@ class Operations(Administration, Inspection):
 
     @operation
     def start_training(
-        self, /, catalogue: str = "default", *, sensor: str | None = None, **options: Any
+        self,
+        /,
+        catalogue: str = "default",
+        *,
+        sensor: str | None = None,
+        **options: Unpack[TrainingOptions],
     ) -> Steps[Job]:
-        """Starts a training and returns its job; `options` as in `StartTraining` of the API."""
+        """Starts a training and returns its job."""
         return start(catalogue, sensor, options)
 
     @operation
@@ -407,7 +421,7 @@ class Operations(Administration, Inspection):
         sensor: str | None = None,
         progress: Progress | None = None,
         timeout: float | None = None,
-        **options: Any,
+        **options: Unpack[TrainingOptions],
     ) -> Steps[Job]:
         """Trains and waits for the end. Raises `JobFailedError` if the training fails."""
         job = yield from start(catalogue, sensor, options)
@@ -421,10 +435,10 @@ class Operations(Administration, Inspection):
         *,
         progress: Progress | None = None,
         timeout: float | None = None,
-        **options: Any,
+        **options: Unpack[RecalibrationOptions],
     ) -> Steps[Job]:
         """Recalibrates a version from ended sessions and waits for the end."""
-        request = post("v1", "catalogues", catalogue, "calibrations").with_json(options)
+        request = post("v1", "catalogues", catalogue, "calibrations").with_json({**options})
         job = yield from ask(request, Job.from_wire)
         return (yield from wait(job, progress, timeout))
 
@@ -453,8 +467,8 @@ class Operations(Administration, Inspection):
     # Sessions.
 
     @operation
-    def create_session(self, /, **options: Any) -> Steps[Session]:
-        """Creates a session; `options` as in `CreateSession` of the API."""
+    def create_session(self, /, **options: Unpack[SessionOptions]) -> Steps[Session]:
+        """Creates a session."""
         return create(options)
 
     @operation
@@ -543,12 +557,11 @@ class Operations(Administration, Inspection):
         candidates: Sequence[tuple[PoseLike, float]] | None = None,
         costs: Sequence[float] | None = None,
         workspace: tuple[npt.ArrayLike, float] | None = None,
-        **options: Any,
+        **options: Unpack[NextTouchOptions],
     ) -> Steps[NextTouches]:
         """Ranks the next touches: candidates (pose and reach in metres), or generated ones.
 
-        `workspace` is the centre and radius of a ball that holds the object; `options` are
-        `n`, `recenters`, `deadline_ms` and `seed`.
+        `workspace` is the centre and radius of a ball that holds the object.
         """
         return rank(session, sensor, candidates, costs, workspace, options)
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Union, overload
 import numpy as np
 import numpy.typing as npt
 
+from palpate.options import PoseDocument
 from palpate.values import Value
 
 if TYPE_CHECKING:
@@ -39,6 +40,10 @@ class Pose(Value):
     orientation: FloatArray
     """Quaternion x, y, z, w."""
 
+    def __post_init__(self) -> None:
+        """Refuses an orientation that is no rotation, such as four zeros."""
+        _check_unit(self.orientation)
+
     @classmethod
     def of(cls, given: PoseLike) -> Pose:
         """The pose of a 4 × 4 matrix, seven numbers (x, y, z, qx, qy, qz, qw), or a pair.
@@ -56,7 +61,7 @@ class Pose(Value):
             return cls(_numbers("translation", position, (3,)), _quaternion(turn))
         numbers = np.asarray(given, dtype=np.float64)
         if numbers.shape == (7,):
-            return cls(numbers[:3].copy(), _unit(numbers[3:].copy()))
+            return cls(numbers[:3].copy(), numbers[3:].copy())
         if numbers.shape == (4, 4):
             if not np.array_equal(numbers[3], [0.0, 0.0, 0.0, 1.0]):
                 raise ValueError(f"pose: last row is {numbers[3]}, expected 0, 0, 0, 1")
@@ -67,12 +72,12 @@ class Pose(Value):
         )
 
     @classmethod
-    def from_wire(cls, document: dict[str, Any]) -> Pose:
+    def from_wire(cls, document: dict[str, Any] | PoseDocument) -> Pose:
         """The pose of an answer."""
         position = np.array(document["position"], dtype=np.float64)
         return cls(position, np.array(document["orientation"], dtype=np.float64))
 
-    def to_wire(self) -> dict[str, list[float]]:
+    def to_wire(self) -> PoseDocument:
         """The pose in a request."""
         return {"position": self.position.tolist(), "orientation": self.orientation.tolist()}
 
@@ -179,7 +184,7 @@ def _quaternion(turn: Any) -> FloatArray:
         return numbers
     numbers = np.array(turn, dtype=np.float64)
     if numbers.shape == (4,):
-        return _unit(numbers)
+        return numbers
     if numbers.shape != (3, 3):
         raise ValueError(
             f"rotation: has shape {numbers.shape}, expected a Rotation, 3 × 3, or x, y, z, w"
@@ -187,12 +192,11 @@ def _quaternion(turn: Any) -> FloatArray:
     return _of_matrix(numbers)
 
 
-def _unit(quaternion: FloatArray) -> FloatArray:
-    """The quaternion, if its length is 1 as the server requires it."""
+def _check_unit(quaternion: FloatArray) -> None:
+    """Refuses a quaternion whose length is not 1, as the server does."""
     length = float(np.linalg.norm(quaternion))
     if not abs(length - 1) <= ROTATION_TOLERANCE:
         raise ValueError(f"orientation: has length {length:.6g}, expected a quaternion of length 1")
-    return quaternion
 
 
 def _of_matrix(m: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy.typing as npt
 
@@ -20,6 +20,11 @@ from palpate.operations import add_documents, close, create, rank, read_belief
 from palpate.pose import Pose, PoseLike
 from palpate.readings import image_to_wire
 from palpate.steps import AsyncRunner, Document, Step, Steps, SyncRunner, ask, operation
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from palpate.options import NextTouchOptions, SessionOptions
 
 
 class Stamps:
@@ -43,7 +48,7 @@ class Stamps:
 class TouchOperations:
     """The operations of `TouchSession` and `AsyncTouchSession`."""
 
-    def __init__(self, robot: str, sensor: str | None, options: dict[str, Any]) -> None:
+    def __init__(self, robot: str, sensor: str | None, options: SessionOptions) -> None:
         self._robot, self._sensor, self._options = robot, sensor, options
         self._session: Session | None = None
         self._next_seq = 0
@@ -131,7 +136,7 @@ class TouchOperations:
         candidates: Sequence[tuple[PoseLike, float]] | None = None,
         costs: Sequence[float] | None = None,
         workspace: tuple[npt.ArrayLike, float] | None = None,
-        **options: Any,
+        **options: Unpack[NextTouchOptions],
     ) -> Steps[NextTouches]:
         """Ranks the next touches, as `Client.next_touches`."""
         used = self._sensor_of(sensor)
@@ -200,7 +205,9 @@ class TouchOperations:
 class TouchSession(TouchOperations, SyncRunner):
     """A session for one robot, closed at the end of `with`."""
 
-    def __init__(self, client: SyncRunner, robot: str, sensor: str | None, **options: Any) -> None:
+    def __init__(
+        self, client: SyncRunner, robot: str, sensor: str | None, **options: Unpack[SessionOptions]
+    ) -> None:
         super().__init__(robot, sensor, options)
         self._client = client
 
@@ -226,7 +233,9 @@ class TouchSession(TouchOperations, SyncRunner):
 class AsyncTouchSession(TouchOperations, AsyncRunner):
     """A session for one robot, closed at the end of `async with`."""
 
-    def __init__(self, client: AsyncRunner, robot: str, sensor: str | None, **options: Any) -> None:
+    def __init__(
+        self, client: AsyncRunner, robot: str, sensor: str | None, **options: Unpack[SessionOptions]
+    ) -> None:
         super().__init__(robot, sensor, options)
         self._client = client
 

@@ -20,7 +20,7 @@ class Value:
 
     def __hash__(self) -> int:
         """Equal values have equal hashes."""
-        return hash(repr(self.to_dict()))
+        return hash(_hashable(self.to_dict()))
 
     def to_dict(self) -> dict[str, Any]:
         """The fields as lists, numbers and texts, which `json` can write."""
@@ -45,3 +45,12 @@ def _equal(one: Any, other: Any) -> bool:
     if isinstance(one, list) and isinstance(other, list):
         return len(one) == len(other) and all(map(_equal, one, other))
     return bool(one == other)
+
+
+def _hashable(value: Any) -> Any:
+    """A plain value as tuples. NaN becomes None, since no NaN has the hash of another."""
+    if isinstance(value, dict):
+        return tuple((name, _hashable(one)) for name, one in value.items())
+    if isinstance(value, list):
+        return tuple(map(_hashable, value))
+    return None if isinstance(value, float) and value != value else value

@@ -3,6 +3,7 @@
 //! The steps are those of the server's `services/training` for `"sva": false, "surface": true`;
 //! `python/tests/test_same_numbers.py` compares the beliefs bit for bit.
 
+use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -158,7 +159,7 @@ impl Catalogue {
 
     /// The catalogue as bytes, which `from_bytes` of the same version reads.
     fn to_bytes<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
-        PyBytes::new(py, &Saved::of(&self.names, &self.n_readings, &self.model).to_bytes())
+        PyBytes::new(py, &self.saved())
     }
 
     /// The catalogue of bytes.
@@ -171,6 +172,17 @@ impl Catalogue {
         Ok(Self { names: saved.names, model, n_readings: saved.n_readings })
     }
 
+    /// Whether all numbers are equal, as they are saved.
+    fn __eq__(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.model, &other.model) || self.saved() == other.saved()
+    }
+
+    fn __hash__(&self) -> u64 {
+        let mut hasher = std::hash::DefaultHasher::new();
+        (&self.names, &self.n_readings).hash(&mut hasher);
+        hasher.finish()
+    }
+
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Content<'py>)> {
         let content = slf.get().to_bytes(slf.py());
         Ok((slf.get_type().getattr("from_bytes")?, (content,)))
@@ -178,6 +190,12 @@ impl Catalogue {
 
     fn __repr__(&self) -> String {
         format!("Catalogue({})", self.names.join(", "))
+    }
+}
+
+impl Catalogue {
+    fn saved(&self) -> Vec<u8> {
+        Saved::of(&self.names, &self.n_readings, &self.model).to_bytes()
     }
 }
 

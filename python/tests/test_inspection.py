@@ -3,6 +3,7 @@
 import numpy as np
 
 from palpate import Client, Pose, Readings
+from palpate.options import BoundedPosePrior
 from palpate.steps import ask, get
 
 SENSOR = "digitacts-6x6"
@@ -10,8 +11,12 @@ UNIT = np.eye(4)
 
 
 def test_a_contact_map_is_a_grid_of_probabilities(client: Client, trained: str) -> None:
-    geometric = {"kind": "solid", "cell": 0.004}
-    client.train("maps", objects=["mug-client"], readings_per_object=100, geometric=geometric)
+    client.train(
+        "maps",
+        objects=["mug-client"],
+        readings_per_object=100,
+        geometric={"kind": "solid", "cell": 0.004},
+    )
     grid = client.contact_map("maps", 1, "mug-client")
     assert grid.kind == "solid" and grid.cell == 0.004
     assert grid.log_odds.shape == tuple(grid.document["n_cells"])
@@ -26,7 +31,7 @@ def test_a_contact_map_is_a_grid_of_probabilities(client: Client, trained: str) 
     report = client.training_report("maps", 1)
     assert [one["name"] for one in report["objects"]] == ["mug-client"]
 
-    bounded = {
+    bounded: BoundedPosePrior = {
         "kind": "bounded",
         "pose": Pose.of(UNIT).to_wire(),
         "half_extents": [0.01, 0.01, 0.01],

@@ -144,6 +144,8 @@ def test_a_wish_that_is_too_long_fails_at_once(script: Script) -> None:
         ("-1", None),
         ("1.5", None),
         ("²", None),
+        ("9" * 400, None),
+        ("Fri, 31 Dec 2026 00:00:00 +99999999999999", None),
         ("", None),
         (None, None),
     ],

@@ -47,7 +47,10 @@ def compare(
         unknown_prior=options.get("unknown_prior"),
         object_moves=None
         if "object_moves" not in options
-        else dict(zip(("position_m", "angle_rad"), options["object_moves"], strict=True)),
+        else {
+            "position_m": options["object_moves"][0],
+            "angle_rad": options["object_moves"][1],
+        },
     )
     for index in range(len(felt)):
         one = felt[index : index + 1]

@@ -41,6 +41,7 @@ def values(catalogue: local.Catalogue) -> list[Any]:
     grid = local.Sensor.grid(4, 5, **GRID, image_order=(False, True, False))
     unknown = local.Sensor.preset("digitacts-6x6", knowledge="unknown")
     return [
+        catalogue,
         mesh,
         sensor,
         grid,
@@ -62,6 +63,22 @@ def test_every_value_is_equal_to_its_copies(catalogue: local.Catalogue) -> None:
         assert len(repr(value)) < 300, repr(value)
     assert local.Sensor.preset("digitacts-6x6") != local.Sensor.grid(4, 5, **GRID)
     assert local.Mesh.example("mug") != local.Mesh.example("hammer")
+
+
+def test_catalogues_of_other_seeds_differ(catalogue: local.Catalogue) -> None:
+    objects = {name: local.Mesh.example(name) for name in ("mug", "hammer")}
+    assert local.train(objects, touches=60, seed=3) == catalogue
+    assert local.train(objects, touches=60, seed=4) != catalogue
+
+
+def test_equal_numbers_have_equal_hashes() -> None:
+    poses = np.tile([0, 0, 0, 0, 0, 0, 1.0], (2, 1))
+    one = Readings.of(poses, np.array([[0.0, np.nan], [1.0, 2.0]]))
+    other = Readings.of(poses, np.array([[-0.0, -np.nan], [1.0, 2.0]]))
+    assert one == other and hash(one) == hash(other)
+    up, down = (Pose(np.array([zero, 0, 0]), np.array([0, 0, 0, 1.0])) for zero in (0.0, -0.0))
+    assert up == down and hash(up) == hash(down)
+    assert hash(one) != hash(Readings.of(poses, np.array([[0.0, np.nan], [1.0, 3.0]])))
 
 
 def test_a_copied_catalogue_gives_the_same_numbers(
@@ -94,14 +111,14 @@ def test_clients_are_copied_and_say_that_they_are_closed() -> None:
 
 
 def test_values_show_themselves_in_notebooks(catalogue: local.Catalogue) -> None:
-    mesh, _, _, _, readings, _, belief, *_ = values(catalogue)
+    _, mesh, _, _, _, readings, _, belief, *_ = values(catalogue)
     assert "data:image/png" in mesh._repr_html_()
     assert "<svg" in readings._repr_html_()
     assert "mug" in belief._repr_html_() and "none of these" in belief._repr_html_()
 
 
 def test_answers_can_be_written_as_json(catalogue: local.Catalogue) -> None:
-    for value in values(catalogue)[4:]:
+    for value in values(catalogue)[5:]:
         assert json.loads(json.dumps(value.to_dict()))
 
 
@@ -117,6 +134,10 @@ def test_poses_are_compared_applied_and_checked() -> None:
             Pose.of(wrong)
     with pytest.raises(ValueError, match="length"):
         Pose.of(([0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0]))
+    with pytest.raises(ValueError, match="length 0"):
+        Pose(np.zeros(3), np.zeros(4))
+    with pytest.raises(ValueError, match="length 0"):
+        Pose.from_wire({"position": [0.0] * 3, "orientation": [0.0] * 4})
     with pytest.raises(ValueError, match="points"):
         pose.apply([1.0, 2.0])
 

@@ -1,5 +1,6 @@
 //! Touches near each other: as they approach, the belief of several approaches that of one, without
-//! a jump on the way (equations R2 and R17a).
+//! a jump on the way (equations R2 and R17a). A sensor that stays feels new places of an object
+//! that moves.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
@@ -8,10 +9,11 @@ mod ellipsoids;
 use glam::DVec3;
 use palpate_core::object::ObjectIdx;
 use palpate_core::pose::Pose;
-use palpate_core::reading::{Reading, SensorId};
+use palpate_core::reading::{Looseness, Reading, SensorId};
 use palpate_core::units::MM;
 use palpate_recogniser::belief::SurfaceBelief;
 use palpate_recogniser::next_touch::{NextTouchOptions, rank};
+use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::pose_prior::{PoseHypothesis, PosePrior};
 
 use ellipsoids::*;
@@ -171,4 +173,64 @@ fn doubling_every_touch_costs_no_probability() {
         let mean = gains.sum::<f64>() / 24.0;
         assert!(mean.abs() < 0.02, "{n} touches: {mean}");
     }
+}
+
+/// Touches of an object that turns under a sensor at rest, by about 10 mm and 0.5 rad each time.
+fn turning_below(object: usize, n: usize, seed: u64) -> Vec<Reading> {
+    let mut all = touches(object, 400, seed);
+    let mut found = vec![all.swap_remove(0)];
+    while found.len() < n {
+        let before = found[found.len() - 1].session_from_sensor();
+        let cost = |reading: &Reading| {
+            let moved = reading.session_from_sensor().inverse() * before;
+            let off = moved.translation.length() / (10.0 * MM);
+            off.hypot(moved.rotation.to_scaled_axis().length() / 0.5)
+        };
+        let nearest = |a: &usize, b: &usize| cost(&all[*a]).total_cmp(&cost(&all[*b]));
+        let next = (0..all.len()).min_by(nearest).unwrap();
+        found.push(all.swap_remove(next));
+    }
+    let under = |reading: &Reading| {
+        reading.moved_by(some_pose(5) * reading.session_from_sensor().inverse())
+    };
+    found.iter().map(under).collect()
+}
+
+#[test]
+fn touches_of_a_resting_sensor_count_if_the_object_moves() {
+    let after = |readings: &[Reading], position: f64, angle: f64| {
+        let motion = Some(Looseness { position, angle });
+        let options = SurfaceOptions { motion, ..SurfaceOptions::default() };
+        felt(SurfaceBelief::new(MODEL.clone(), options, None).unwrap(), readings).posterior()
+    };
+    let mut learnt = 0.0;
+    for session in 0..12 {
+        let readings = turning_below(session % N_OBJECTS, 8, 200 + session as u64);
+        let one = after(&readings[..1], 5.0 * MM, 0.25);
+        learnt += difference(&one, &after(&readings, 5.0 * MM, 0.25)) / 12.0;
+        // Next to no drift is rest.
+        let (rests, barely) = (believed(&readings), after(&readings, 1e-9, 1e-9));
+        assert!(difference(&rests, &barely) < SAME, "{rests:?} {barely:?}");
+    }
+    assert!(learnt > 0.1, "{learnt}");
+}
+
+#[test]
+fn a_repeated_miss_counts_where_the_object_may_have_moved() {
+    let many = touches(1, 4, 3);
+    let drifting = |drift: f64, between: bool| {
+        let motion = Some(Looseness { position: drift, angle: 0.0 });
+        let options = SurfaceOptions { motion, ..SurfaceOptions::default() };
+        let at = Pose::from_parts(glam::DQuat::IDENTITY, DVec3::Z * 0.01);
+        let miss = Reading::new(SensorId(0), &six_by_six(), &[Some(0.0); 36], at).unwrap();
+        let miss = miss.after_approach(0.05);
+        let mut readings = many[..3].to_vec();
+        readings.extend(between.then(|| miss.clone()));
+        readings.extend([many[3].clone(), miss]);
+        let belief = SurfaceBelief::new(MODEL.clone(), options, None).unwrap();
+        felt(belief, &readings).log_evidence()
+    };
+    let gain = |drift| difference(&drifting(drift, true), &drifting(drift, false));
+    let (rests, moves) = (gain(1e-6), gain(0.003));
+    assert!(rests < 0.01 && moves > 0.1, "{rests} {moves}");
 }

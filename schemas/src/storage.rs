@@ -13,7 +13,7 @@ pub struct Storage {
     pub live_bytes: u64,
     /// Bytes of the database on the disk. A compaction frees what exceeds `live_bytes`.
     pub stored_bytes: u64,
-    /// Free bytes of the disk; null if unknown.
+    /// Free bytes of the disk, those of the held reserve included; null if unknown.
     pub free_bytes: Option<u64>,
     /// Bytes to keep free; with fewer, writes are refused.
     pub reserve_bytes: u64,

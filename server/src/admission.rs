@@ -2,10 +2,10 @@
 //! answer's last.
 //!
 //! Each of five budgets has a total and a share for each client: bytes of bodies that have
-//! arrived and of the values that they become, requests under way, event streams, snapshots, and bytes of unread answers. A body
-//! arrives before its request takes a slot, so an announced body holds nothing. A client over
-//! a limit is asked to retry later. Health checks and metrics are always answered: an
-//! overloaded server must not look dead.
+//! arrived and of the values that they become, requests under way, event streams, snapshots, and
+//! bytes of unread answers. A request takes its slot once its body has arrived, so a body that is only
+//! announced takes none. A client over a limit is asked to retry later. Health checks and metrics
+//! are always answered: an overloaded server must not look dead.
 
 use std::sync::{Arc, Mutex, PoisonError};
 

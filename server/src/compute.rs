@@ -5,15 +5,15 @@
 //! long work, such as lists, drawings and explanations. What a piece of work costs is not guessed:
 //! each begins as its asker waits for it and works for at most 50 ms. Then another thread takes the
 //! next piece, and the one that has had its time goes on after all fresh work, in turns with others
-//! like it (`turns`). So short work waits for slices of work, never for all of it, whatever it is,
-//! and a client waits in proportion to the time that it has spent itself.
+//! like it (`turns`). So short work waits for slices of long work, never for its end, and a client
+//! waits in proportion to the time that it has spent itself.
 //!
-//! A piece that is alone in its kind is shared out to all threads (`rayon` in core). Small pieces
-//! stay on one thread, and so do all once as many are at work as there are threads: to share costs
-//! processor time, to wake threads and to let them look for parts. No two pieces have the same
-//! threads. Async threads only wait. A computation takes a [`Place`] before anything
-//! is stored; if there is none, the request gets 503 and can be repeated. Work whose asker has
-//! gone (`asker`) is not started. A panic in one piece ends that piece only.
+//! A large piece is shared out to as many threads as there are cores (`rayon` in core), at most four
+//! pieces of a kind at once. Small pieces stay on one thread, and so do large ones once as many are
+//! at work as there are threads: sharing costs processor time to wake threads and to let them look
+//! for parts. No two pieces have the same threads. Async threads only wait. A computation takes a
+//! [`Place`] before anything is stored; if there is none, the request gets 503 and can be repeated.
+//! Work whose asker has gone (`asker`) is not started. A panic in one piece ends that piece only.
 
 mod urgency;
 mod sharing;
@@ -33,8 +33,8 @@ use crate::asker::Asker;
 use turns::{Piece, Turns};
 pub(crate) use urgency::{Size, Urgency};
 
-/// Time without progress after which waiting readings or questions make the server not ready. Chosen: a
-/// piece takes milliseconds, the slowest seconds.
+/// Time without progress after which waiting readings or questions make the server not ready.
+/// Chosen: a piece takes milliseconds, the slowest seconds.
 const STALLED_AFTER: Duration = Duration::from_secs(30);
 /// The same for long work. Chosen: beyond the time limit of any answer.
 const LONG_STALLED_AFTER: Duration = Duration::from_secs(180);

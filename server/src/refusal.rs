@@ -4,6 +4,7 @@
 use std::time::Duration;
 
 use axum::http::HeaderName;
+use palpate_core::units::Bytes;
 use palpate_schemas::{FieldError, Readiness, Role};
 use palpate_store::access::AccessKey;
 use thiserror::Error;
@@ -85,11 +86,11 @@ pub(crate) enum RequestError {
     Host { found: String },
     #[error("the request's path or body cannot be read: {reason}")]
     Unreadable { reason: String },
-    #[error("the body is longer than {}{}", megabytes(*.max), .advice)]
+    #[error("the body is longer than {}{}", Bytes(*.max as u64), .advice)]
     BodyTooLarge { max: usize, advice: &'static str },
     #[error(
-        "the values of the body take more than {max} bytes of memory: send them in several \
-         requests"
+        "the values of the body take more than {} of memory: send them in several requests",
+        Bytes(*.max as u64)
     )]
     BodyTooHeavy { max: usize },
     #[error("the body did not arrive within {within:?}")]
@@ -118,9 +119,16 @@ pub(crate) enum LoadError {
          cause, and try again in {:.1} s", bound.limit, wait.as_secs_f64()
     )]
     FailuresExceeded { bound: Bound, wait: Duration },
-    #[error("bodies in transit take {used} of {max} bytes: this one does not fit")]
+    #[error(
+        "requests in progress take {} of {} with their bodies and the values in these: this one \
+         does not fit",
+        Bytes(*.used as u64), Bytes(*.max as u64)
+    )]
     BodiesFull { used: usize, max: usize },
-    #[error("unread answers take {used} of {max} bytes: this one does not fit")]
+    #[error(
+        "unread answers take {} of {}: this one does not fit",
+        Bytes(*.used as u64), Bytes(*.max as u64)
+    )]
     AnswersFull { used: usize, max: usize },
     #[error("{open} event streams are open, which is the maximum")]
     StreamsFull { open: usize },
@@ -138,11 +146,6 @@ pub(crate) enum LoadError {
 /// What to do about a mesh file that is too long.
 pub(crate) const SMALLER_MESH: &str = ": decimate the mesh (touch feels nothing finer than 0.1 mm), \
     or send it as binary PLY, GLB or 3MF, which are half as long as STL or shorter";
-
-/// A number of bytes as people write it.
-fn megabytes(bytes: usize) -> String {
-    if bytes < 1_000_000 { format!("{bytes} bytes") } else { format!("{} MB", bytes / 1_000_000) }
-}
 
 fn role_name(role: palpate_store::access::Role) -> &'static str {
     roles::name(wire::access::role(role))

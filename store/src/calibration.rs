@@ -228,7 +228,7 @@ impl Calibrations {
         limit: Limit,
     ) -> Result<Vec<StoredCalibration>, StoreError> {
         let (space, prefix) = (Space::Calibration, key::id(Space::Calibration, sensor));
-        // Of the one behind which the page begins, later pieces may follow its key.
+        // Later pieces of the calibration before the page may follow its key.
         let from = key::numbered(space, sensor, u64::from(behind));
         let records = pieces::scan(&*self.engine, space, &prefix, KEY_BYTES, Some(from), limit)?;
         let decoded: Result<Vec<_>, _> =

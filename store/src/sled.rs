@@ -19,6 +19,7 @@ mod levels;
 mod mark;
 mod merging;
 mod opening;
+mod reserve;
 mod room;
 mod tally;
 mod gathered;
@@ -158,6 +159,7 @@ impl SledEngine {
         private::tighten(folder);
         let lock = lock_folder(folder)?;
         let current = Current::read(folder).map_err(|error| unusable(folder, folder, error))?;
+        let room = Room::opening(folder, &options.free_space, options.reserve_bytes);
         let levels = Arc::new(open_levels(folder, current, options)?);
         private::tighten(folder);
         let data_path = levels.top.folder.join(DATA_FILE);
@@ -176,11 +178,9 @@ impl SledEngine {
             true => None,
             false => Some(Mark::open(folder, tally.commits).map_err(io(&mark_path))?),
         };
-        let room = Room {
-            folder: folder.to_owned(),
-            free_space: options.free_space.clone(),
-            reserve: options.reserve_bytes,
-        };
+        if !is_read_only {
+            room.hold();
+        }
         let shared = Arc::new(Shared {
             levels: RwLock::new(Arc::clone(&levels)),
             poisoned: AtomicBool::new(is_read_only),

@@ -2,8 +2,8 @@
 //!
 //! Copies of one request after the other keep the server busy: every answer that can be fetched,
 //! and what takes long as known. Meanwhile lists and readings are asked; the processor time that
-//! the server uses until each is answered has a bound, which unlike wall time depends neither on
-//! the speed of the machine nor on its load. Not here: the content of the answers.
+//! the server uses until each is answered has a bound. Unlike wall time it does not depend on the
+//! load of the machine; it does on its speed. Not here: the content of the answers.
 
 use std::path::Path;
 use std::time::Duration;

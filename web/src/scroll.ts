@@ -35,7 +35,7 @@ export function keepScroll(): void {
   });
 }
 
-/** Scrolls a new view to its kept place, as soon as it is that long; who scrolls meanwhile is not moved. */
+/** Scrolls a new view to its kept place, as soon as it is that long. A user who scrolls meanwhile is left alone. */
 export function restoreScroll(): void {
   stopRestoring?.();
   const wanted = Number((history.state as { scrolled?: number } | null)?.scrolled ?? 0);

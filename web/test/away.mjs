@@ -24,7 +24,7 @@ let server;
 const ids = {};
 await step("a server with something for every page", async () => {
   server = await serve("away");
-  for (const name of ["mug", "gear"]) server.palpate("objects", "add", name, "--mesh", `${FOLDER}/meshes/${name}.stl`);
+  for (const name of ["mug", "gear"]) server.palpate("objects", "add", name, "--mesh", `${FOLDER}/meshes/${name}.stl`, "--unit", "mm");
   server.palpate("train", "--readings-per-object", 100);
   ids.job = (await server.json("/v1/jobs")).items[0].id;
   server.touch("mug", 4, 5);

@@ -29,7 +29,7 @@ let server;
 let session;
 await step("a server with four objects and a session", async () => {
   server = await serve("truth");
-  for (const name of OBJECTS) server.palpate("objects", "add", name, "--mesh", `${FOLDER}/meshes/${name}.stl`);
+  for (const name of OBJECTS) server.palpate("objects", "add", name, "--mesh", `${FOLDER}/meshes/${name}.stl`, "--unit", "mm");
   server.palpate("train", "--readings-per-object", 100);
   server.touch("mug", TOUCHES, 5);
   session = (await server.json("/v1/fleet")).sessions[0].session.id;

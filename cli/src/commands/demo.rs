@@ -29,13 +29,13 @@ use tokio::task::JoinSet;
 
 use self::screen::Screen;
 use self::summary::Summary;
-use super::serve::{DEFAULT_LISTEN, listen_address};
 use super::{touch, train};
 use crate::exit::Ended;
+use crate::listen::{DEFAULT_LISTEN, listen_address};
 use crate::output::Output;
 use crate::progress::is_watched;
 use crate::robot::{Robot, described};
-use crate::supervisor;
+use crate::supervisor::Signals;
 use crate::trial::{self, StopRule, TrialResult, Truth};
 
 /// Number of robots that touch at once.
@@ -87,16 +87,17 @@ pub(crate) async fn run(args: DemoArgs, output: Output) -> anyhow::Result<()> {
     // Kept until the server has stopped; dropping it deletes the folder.
     let temporary = tempfile::Builder::new().prefix("palpate-demo-").tempdir()?;
     let data = args.data.clone().unwrap_or_else(|| temporary.path().join("data"));
+    let mut signals = Signals::listen()?;
     let server = start(data, args.listen).await?;
     let outcome = tokio::select! {
         outcome = show(&args, &server, output) => outcome,
-        stopped = supervisor::until_told_to_stop() => stopped.and(Err(Ended::Interrupted.into())),
+        () = signals.told_to_stop() => Err(Ended::Interrupted.into()),
     };
     if outcome.is_ok() && !args.once {
         let address = server.local_addr();
         output.say(format!("\nAPI documentation: http://{address}/docs"));
         output.say("The server keeps running; Ctrl-C stops it.");
-        supervisor::until_told_to_stop().await?;
+        signals.told_to_stop().await;
     }
     tokio::select! {
         () = server.shutdown() => {}

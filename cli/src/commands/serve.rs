@@ -3,7 +3,7 @@
 mod settings;
 
 use std::io::{ErrorKind, IsTerminal as _};
-use std::net::{Ipv4Addr, SocketAddr};
+use std::net::SocketAddr;
 use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -16,11 +16,9 @@ use serde_json::json;
 
 use crate::admin_key::{AdminKeyFile, chosen};
 use crate::forwarder::{self, ForwardArgs};
+use crate::listen::{DEFAULT_LISTEN, listen_address};
 use crate::output::Output;
-use crate::supervisor::{self, Notice};
-
-/// Default address of a server.
-pub(crate) const DEFAULT_LISTEN: &str = "127.0.0.1:7411";
+use crate::supervisor::{self, Notice, Signals};
 
 /// Arguments of `palpate serve`.
 #[derive(Clone, Debug, Args)]
@@ -142,8 +140,9 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u64).range(1..=1_000_000)
     )]
     belief_memory_mb: u64,
-    /// Memory for the bodies of all requests in progress, in MB. A request that does not fit is
-    /// refused (503). A mesh of 64 MB must fit.
+    /// Memory for the bodies of all requests in progress and the values in them, in MB. A request
+    /// that does not fit is refused (503). One takes at most 168 MB, and one client three quarters
+    /// of the whole: with less than 224 MB, the largest requests are always refused.
     #[arg(
         long,
         env = "PALPATE_BODY_MEMORY_MB",
@@ -294,32 +293,26 @@ const ADMIN_KEY: &str = "An admin's key was made. It is shown this once; keep it
 /// File in the data folder for the admin key if standard output is not a terminal.
 const ADMIN_KEY_FILE: &str = "admin.key";
 
-/// An address to listen on: `127.0.0.1:7411`, `[::1]:7411`, `localhost:7411`, or a port alone.
-pub(crate) fn listen_address(text: &str) -> Result<SocketAddr, String> {
-    let local = |port: &str| port.parse().ok().map(|port| (Ipv4Addr::LOCALHOST, port).into());
-    let address = text.parse().ok();
-    let address = address.or_else(|| local(text.strip_prefix("localhost:").unwrap_or(text)));
-    address.ok_or_else(|| {
-        format!("came {text:?}, expected an address with a port, such as {DEFAULT_LISTEN}")
-    })
-}
-
 /// Serves until told to stop.
 pub(crate) async fn run(args: ServeArgs, output: Output) -> anyhow::Result<()> {
     let cluster = args.store.options(&args.data)?;
     let data = crate::cluster::place(cluster.as_ref(), &args.data);
     let first_admin_key = args.first_admin_key_file.as_deref().map(chosen).transpose()?;
-    // Before anything is written: a server that may not start leaves no folder behind.
-    palpate_server::check(&settings::config(args.clone()))?;
-    let key_file = key_file(&args)?;
     let (forward, central) = args.forward.prepared()?.unzip();
     anyhow::ensure!(
         forward.is_none() || cluster.is_none(),
         "a cell stores in a folder: `forward_to` excludes `store`"
     );
-    let config = settings::config(args);
-    let started = Config { first_admin_key, cluster, forward: forward.clone(), ..config };
-    let server = Server::start(started).await;
+    let config = settings::config(args.clone());
+    let config = Config { first_admin_key, cluster, forward: forward.clone(), ..config };
+    // Before anything is written: a server that may not start leaves no folder behind.
+    palpate_server::check(&config)?;
+    let key_file = key_file(&args)?;
+    let mut signals = Signals::listen()?;
+    let server = tokio::select! {
+        server = Server::start(config) => server,
+        () = signals.told_to_stop() => return Ok(()),
+    };
     let mut server = server.map_err(|error| match error {
         StartError::Listen { ref source, .. } if source.kind() == ErrorKind::AddrInUse => {
             anyhow::Error::from(error)
@@ -361,7 +354,7 @@ pub(crate) async fn run(args: ServeArgs, output: Output) -> anyhow::Result<()> {
     let outbox = server.take_outbox().zip(central).zip(forward);
     let forwarding = outbox
         .map(|((outbox, central), forward)| tokio::spawn(forwarder::run(outbox, central, forward)));
-    let stopped = supervisor::until_told_to_stop().await;
+    signals.told_to_stop().await;
     supervisor::tell(Notice::Stopping);
     if let Some(forwarding) = forwarding {
         forwarding.abort();
@@ -372,7 +365,7 @@ pub(crate) async fn run(args: ServeArgs, output: Output) -> anyhow::Result<()> {
         _ = tokio::signal::ctrl_c() => {}
     }
     watching.abort();
-    stopped
+    Ok(())
 }
 
 /// The file for a new admin key; `None` for the terminal.

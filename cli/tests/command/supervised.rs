@@ -171,6 +171,41 @@ fn the_first_admin_key_comes_from_a_secret() {
 }
 
 #[test]
+fn a_chosen_first_key_lets_a_new_server_listen_for_others() {
+    let folder = TempDir::new().unwrap();
+    let key = file(folder.path(), CHOSEN);
+    let arguments = format!("--listen 0.0.0.0:0 --first-admin-key-file {key}");
+    let server = Server::start(&folder.path().join("data"), &arguments);
+    let port = server.said("server").rsplit(':').next().unwrap();
+    let ask = |key: &str| {
+        let mut command = palpate(&format!("objects list --server http://127.0.0.1:{port}"));
+        command.env("PALPATE_KEY", key).output().unwrap()
+    };
+    assert!(ask(CHOSEN).status.success(), "{}", stderr(&ask(CHOSEN)));
+    assert!(!ask(&CHOSEN.replace("00a08", "00a09")).status.success());
+}
+
+#[test]
+fn a_refused_start_leaves_no_folder_behind() {
+    let folder = TempDir::new().unwrap();
+    let data = folder.path().join("data");
+    let key = file(folder.path(), CHOSEN);
+    let first = format!("--access open --new-admin-key --first-admin-key-file {key}");
+    for (arguments, expected) in [
+        ("--listen 0.0.0.0:0", "requires no keys"),
+        ("--cors-origin nowhere", "is no origin"),
+        ("--forward-to http://127.0.0.1:9 --cell a --forward-key-file no.key", "cannot read"),
+        (&first, "needs no keys"),
+    ] {
+        let command = format!("serve {arguments} --data {}", data.display());
+        let refused = palpate(&command).output().unwrap();
+        assert_eq!(refused.status.code(), Some(1), "{arguments}");
+        assert!(stderr(&refused).contains(expected), "{arguments}: {}", stderr(&refused));
+        assert!(!data.exists(), "{arguments}");
+    }
+}
+
+#[test]
 fn weak_first_keys_and_open_access_are_refused() {
     let folder = TempDir::new().unwrap();
     let check = |text: &str, access: &str, expected: &str| {

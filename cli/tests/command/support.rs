@@ -40,7 +40,8 @@ impl Server {
 
     /// A server with these variables in its environment.
     pub(crate) fn start_with(data: &Path, arguments: &str, variables: &[(&str, &str)]) -> Self {
-        let mut command = palpate("serve --listen 127.0.0.1:0 --json");
+        let listen = if arguments.contains("--listen") { "" } else { "--listen 127.0.0.1:0" };
+        let mut command = palpate(&format!("serve --json {listen}"));
         command.args(arguments.split_whitespace()).arg("--data").arg(data);
         command.envs(variables.iter().copied());
         let log = tempfile::tempfile().unwrap();

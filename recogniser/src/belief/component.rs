@@ -36,7 +36,7 @@ const LIKELY: f64 = 0.5;
 /// explain the touches.
 const UNSTEADY: f32 = 0.3;
 
-/// Touches from which a certain pose ends the search.
+/// Places from which a certain pose ends the search.
 const CERTAIN_FROM: usize = 4;
 
 /// Cap on the objects that get proposals from a component that does not lead, likeliest first;
@@ -101,10 +101,10 @@ impl Component {
             }
             _ => {
                 self.verify(common);
-                self.weigh_another_pair(common);
+                let asked_first = self.weigh_another_pair(common);
                 // A place that was felt before proposes nothing new.
                 if f64::from(self.touches[n - 1].novelty) >= NEGLIGIBLE {
-                    self.propose_in_doubt(common, leads);
+                    self.propose_in_doubt(common, leads, asked_first);
                     self.refine(common);
                     self.weigh(common);
                 }
@@ -203,8 +203,9 @@ impl Component {
     }
 
     /// Proposes poses unless one is certain and explains the touches well: of all objects in
-    /// doubt or, if another component leads, of the likeliest few.
-    fn propose_in_doubt(&mut self, common: &Common, leads: bool) {
+    /// doubt or, if another component leads, of the likeliest few. A pair counts once in R19, so
+    /// `asked_first` leaves out that with the first touch.
+    fn propose_in_doubt(&mut self, common: &Common, leads: bool, asked_first: bool) {
         let (n, options) = (self.explained().n_places(), &common.options);
         let probabilities = posterior(common, &self.explained());
         let share = self.share_of_best_pose(common, &probabilities);
@@ -231,7 +232,8 @@ impl Component {
             (false, true, _) => budget.partners_if_poor,
             (false, false, false) => budget.partners,
         };
-        let partners = partners(&self.touches, n_partners);
+        let mut partners = partners(&self.touches, n_partners);
+        partners.retain(|index| !(asked_first && *index == 0));
         let shares = self.retrieve(common, &partners);
         let asked = in_turn(&partners, shares.as_deref(), n, options);
         let reach =

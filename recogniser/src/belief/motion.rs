@@ -16,7 +16,7 @@ pub(super) const AMPLITUDES: usize = 3;
 /// Prior of unannounced drift, shared evenly by its amplitudes: fixtures seldom fail.
 const UNANNOUNCED: f64 = 0.02;
 
-/// Number of touches from which motion is distinguishable from rest: three determine a pose.
+/// Number of places from which motion is distinguishable from rest: three determine a pose.
 pub(super) const TOUCHES_MIN: usize = 4;
 
 /// Probability below which drift is dropped while rest explains the touches well; it then

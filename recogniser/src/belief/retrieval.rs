@@ -62,12 +62,12 @@ pub(super) fn retrieval_bar(objects: &[ObjectBelief], n: usize) -> f64 {
     all.get(n.saturating_sub(1)).copied().unwrap_or(f64::NEG_INFINITY)
 }
 
-/// The number of candidates of `n` objects from the third touch on: half of them after it, and
-/// fewer with every touch once a pose is likely (`is_open` is false).
-pub(super) fn n_candidates(budget: &Budget, n: usize, n_touches: usize, is_open: bool) -> usize {
-    let eighths = if n_touches > 3 { budget.many.listed_later_in_eight } else { EIGHTHS };
+/// The number of candidates of `n` objects from the third touch on: half of them beyond three
+/// places, and fewer with every place once a pose is likely (`is_open` is false).
+pub(super) fn n_candidates(budget: &Budget, n: usize, n_places: usize, is_open: bool) -> usize {
+    let eighths = if n_places > 3 { budget.many.listed_later_in_eight } else { EIGHTHS };
     let most = budget.n_listed(n) * eighths / EIGHTHS;
-    if is_open { most } else { most / n_touches.saturating_sub(2).max(1) }
+    if is_open { most } else { most / n_places.saturating_sub(2).max(1) }
 }
 
 #[cfg(test)]
@@ -84,10 +84,10 @@ mod tests {
     #[test]
     fn lists_get_shorter_only_once_a_pose_is_likely() {
         let budget = SurfaceOptions::default().budget;
-        let listed = |n_touches, is_open| n_candidates(&budget, 40, n_touches, is_open);
+        let listed = |n_places, is_open| n_candidates(&budget, 40, n_places, is_open);
         // All forty, sixteen times the root of 40 is more; then half.
-        assert_eq!([3, 5, 7].map(|touches| listed(touches, true)), [40, 20, 20]);
-        assert_eq!([3, 5, 7].map(|touches| listed(touches, false)), [40, 6, 4]);
+        assert_eq!([3, 5, 7].map(|places| listed(places, true)), [40, 20, 20]);
+        assert_eq!([3, 5, 7].map(|places| listed(places, false)), [40, 6, 4]);
     }
 
     #[test]

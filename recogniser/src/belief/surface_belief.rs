@@ -110,7 +110,8 @@ impl SurfaceBelief {
                 return Observed { touch: None, spaces: Vec::new() };
             }
             let space = given.miss().space(self.anchor).after(n);
-            let space = space.weighed(self.rest.spaces());
+            let drift = self.common.options.motion;
+            let space = space.weighed(self.rest.spaces(), drift.as_ref());
             return Observed { touch: None, spaces: vec![space] };
         };
         let mut spaces = Vec::new();
@@ -121,7 +122,7 @@ impl SurfaceBelief {
             }
             let misses = std::mem::take(&mut self.misses);
             for miss in &misses {
-                let space = miss.space(self.anchor).weighed(&spaces);
+                let space = miss.space(self.anchor).weighed(&spaces, None);
                 spaces.push(space);
             }
         }
@@ -133,7 +134,8 @@ impl SurfaceBelief {
         {
             touch = touch.with_own_tool();
         }
-        let touch = touch.weighed(self.rest.explained().touches);
+        let rest = self.rest.explained();
+        let touch = touch.weighed(rest.touches, rest.motion.drift());
         let space = given.space_of_touch(self.anchor).after(n + 1);
         spaces.push(space.of_novelty(touch.novelty));
         Observed { touch: Some(touch), spaces }

@@ -199,17 +199,24 @@ impl Observation {
             }
     }
 
-    /// The observation with its weight beside `earlier` ones. Equation R2 of docs/recogniser.md.
-    pub(crate) fn weighed(mut self, earlier: &[Self]) -> Self {
-        let apart = |other: &Self| {
-            let turned = match (self.says, other.says) {
-                (Says::Position, _) | (_, Says::Position) => 0.0,
-                _ => NORMAL_REACH * self.normal.distance(other.normal),
+    /// The observation with its weight beside `earlier` ones of an object that moves by `drift`
+    /// between any two touches. Equation R2 of docs/recogniser.md.
+    pub(crate) fn weighed(mut self, earlier: &[Self], drift: Option<&Looseness>) -> Self {
+        let apart = |(index, other): (usize, &Self)| {
+            let moves = earlier.len() - index;
+            let before = drift.map_or(other.placement, |by| other.placement.after(moves, by));
+            let (moved, turned_by) = self.placement.shifting_to(&before);
+            let (turned, turned_by) = match (self.says, other.says) {
+                (Says::Position, _) | (_, Says::Position) => (0.0, 0.0),
+                _ => (NORMAL_REACH * self.normal.distance(other.normal), turned_by),
             };
-            self.position.distance(other.position).hypot(turned)
+            let loose = 3.0 * moved + 2.0 * NORMAL_REACH.powi(2) * turned_by;
+            self.position.distance(other.position).hypot(turned).hypot(loose.sqrt())
         };
-        let repeats = |other: &Self| other.novelty * (1.0 - apart_by(apart(other)));
-        self.novelty = earlier.iter().map(|other| 1.0 - repeats(other)).product();
+        let is_new = |(index, other): (usize, &Self)| {
+            1.0 - other.novelty * (1.0 - apart_by(apart((index, other))))
+        };
+        self.novelty = earlier.iter().enumerate().map(is_new).product();
         self.weight = self.novelty;
         self
     }
@@ -267,10 +274,10 @@ mod tests {
         let mut place = places(1, 0).remove(0);
         place.normal = DVec3::Z;
         let first = seen(&place, &Pose::IDENTITY);
-        assert!((first.clone().weighed(&[]).weight - 1.0).abs() < 1e-6);
+        assert!((first.clone().weighed(&[], None).weight - 1.0).abs() < 1e-6);
         let again = |off: DVec3, normal: DVec3| {
             let moved = Touch { position: place.position + off, normal, ..place.clone() };
-            seen(&moved, &Pose::IDENTITY).weighed(std::slice::from_ref(&first)).weight
+            seen(&moved, &Pose::IDENTITY).weighed(std::slice::from_ref(&first), None).weight
         };
         assert!(again(DVec3::ZERO, DVec3::Z) < 1e-4, "nothing new");
         // Φ(−1), Φ(0) and Φ(2): 3, 4 and 6 mm.
@@ -282,6 +289,31 @@ mod tests {
     }
 
     #[test]
+    fn a_repeated_touch_counts_where_the_object_may_have_moved() {
+        let place = places(1, 0).remove(0);
+        let first = seen(&place, &Pose::IDENTITY);
+        let millimetres = |position: f64| Looseness { position: position * 1e-3, angle: 0.0 };
+        let drifted = |earlier: usize, drift: Looseness| {
+            first.clone().weighed(&vec![first.clone(); earlier], Some(&drift)).weight
+        };
+        // √3 · 4/√3 mm: Φ(0).
+        let half = 4.0 / 3f64.sqrt();
+        assert!((drifted(1, millimetres(half)) - 0.5).abs() < 1e-4);
+        // Turned by 4/(6 √2) rad about each axis.
+        let turn = Looseness { position: 0.0, angle: 4.0 / (6.0 * 2f64.sqrt()) };
+        assert!((drifted(1, turn) - 0.5).abs() < 1e-4);
+        // Two earlier touches, one and two moves ago: Φ(0) Φ(4 (√2 − 1)) = 0.5 · 0.951.
+        assert!((drifted(2, millimetres(half)) - 0.4756).abs() < 1e-3);
+        let rests = first.clone().weighed(std::slice::from_ref(&first), None);
+        assert_eq!(drifted(1, millimetres(0.0)).to_bits(), rests.weight.to_bits());
+        // Half of that variance by the base of each robot; one base shifts both touches alike.
+        let looseness = millimetres(half / 2f64.sqrt());
+        let on = |robot| first.clone().with_base(Some(Base { robot, looseness }));
+        let beside = |robot| on(1).weighed(&[on(robot)], None).weight;
+        assert!((beside(2) - 0.5).abs() < 1e-4 && beside(1) < 1e-4);
+    }
+
+    #[test]
     fn a_place_counts_once_however_often_it_is_pressed() {
         let place = Touch { normal: DVec3::Z, ..places(1, 0).remove(0) };
         let counted = |offsets: &[DVec3]| {
@@ -289,7 +321,7 @@ mod tests {
             for off in offsets {
                 let position = place.position + *off;
                 let touch = seen(&Touch { position, ..place.clone() }, &Pose::IDENTITY);
-                touches.push(touch.weighed(&touches));
+                touches.push(touch.weighed(&touches, None));
             }
             touches.iter().map(|touch| touch.weight).sum::<f32>()
         };

@@ -107,6 +107,12 @@ impl Placement {
         sum(moved, sum(self.of_base_alone(), other.of_base_alone()))
     }
 
+    /// [`Self::variances_to`] from bases and motion alone.
+    pub(crate) fn shifting_to(&self, other: &Self) -> Variances {
+        let without_own = |placement: &Self| Self { own: 0.0, ..*placement };
+        without_own(self).variances_to(&without_own(other))
+    }
+
     /// Cause of the shift of the touch.
     pub(crate) fn shifted_by(&self) -> Shift {
         if self.moved == (0.0, 0.0) {
@@ -196,6 +202,9 @@ mod tests {
         assert!(close(moved.variances_to(&later), (9e-6, 0.01)));
         let other = Placement::default().on_base(base(2)).after(3, &MOTION);
         assert!(close(moved.variances_to(&other), (9e-6 + 32e-6, 0.01)));
+        let loose = moved.of_own(0.002);
+        assert!(close(loose.variances_to(&later), (9e-6 + 4e-6, 0.01)));
+        assert!(close(loose.shifting_to(&later), (9e-6, 0.01)));
         assert!(!moved.is_exact() && !Placement::default().on_base(base(1)).is_exact());
         assert!(Placement::default().after(0, &MOTION).is_exact());
     }

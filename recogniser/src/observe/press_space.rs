@@ -83,12 +83,17 @@ impl PressSpace {
     }
 
     /// The space of a miss with its novelty beside `earlier` presses: a miss along the way of an
-    /// earlier one shows nothing new. Equation R2 of docs/recogniser.md.
-    pub(crate) fn weighed(self, earlier: &[Self]) -> Self {
+    /// earlier one shows nothing new unless the object has moved by `drift` between them. Equation
+    /// R2 of docs/recogniser.md.
+    pub(crate) fn weighed(self, earlier: &[Self], drift: Option<&Looseness>) -> Self {
+        let moved = |other: &Self| {
+            let moves = self.touches.saturating_sub(other.touches) as f32;
+            drift.map_or(0.0, |by| 3.0 * moves * by.position.powi(2) as f32)
+        };
         let repeats = |other: &Self| {
             let is_alike = other.free.len() == self.free.len() && other.occupied.is_empty();
             let apart = self.free.iter().zip(&other.free).map(|(a, b)| a.distance(*b));
-            let apart = apart.fold(0.0, f32::max);
+            let apart = apart.fold(0.0, f32::max).hypot(moved(other).sqrt());
             if is_alike { other.novelty * (1.0 - apart_by(apart)) } else { 0.0 }
         };
         let novelty = earlier.iter().map(|other| 1.0 - repeats(other)).product();

@@ -44,6 +44,11 @@ const UNSTEADY_MAX: f32 = 0.3;
 /// Deviations of loose placement that widen the tolerance of a pair.
 const LOOSE_DEVIATIONS: f32 = 2.0;
 
+/// Caps on the deviations between two loosely placed touches (m, rad) by which the tolerance of
+/// their pair is widened, for the same reason: looser touches are paired as if they were this loose.
+const LOOSE_POSITION_MAX: f32 = 0.015;
+const LOOSE_ANGLE_MAX: f32 = 0.15;
+
 /// Density of the observed pair `query` of `touches` under the `stored` pair of `facets`: its
 /// distance, the angles of both normals with the axis and the turn about it, relative to an exact
 /// fit at usual deviations. `None` beyond the tolerance.
@@ -138,8 +143,8 @@ pub(crate) fn widened(options: &SurfaceOptions, touches: [&Observation; 2]) -> S
     let mut options = *options;
     let (position, angle) = touches[0].looseness_to(touches[1]);
     let wider = |known: PairTolerance| PairTolerance {
-        distance: known.distance.hypot(LOOSE_DEVIATIONS * position.sqrt()),
-        cosine: known.cosine.hypot(LOOSE_DEVIATIONS * angle.sqrt()),
+        distance: known.distance.hypot(LOOSE_DEVIATIONS * position.sqrt().min(LOOSE_POSITION_MAX)),
+        cosine: known.cosine.hypot(LOOSE_DEVIATIONS * angle.sqrt().min(LOOSE_ANGLE_MAX)),
     };
     if position > 0.0 || angle > 0.0 {
         options.pairs = wider(options.pairs);
@@ -166,6 +171,7 @@ mod tests {
     use crate::observe::touch::Touch;
     use crate::test_support::{map_of, places, seen};
     use palpate_core::pose::Pose;
+    use palpate_core::reading::{Base, Looseness};
 
     /// Two touches 20 mm apart along x whose normals are at right angles to the axis and to each
     /// other, and whose contacts are stretched in these directions.
@@ -204,6 +210,26 @@ mod tests {
         let touches = [&touch, &touch];
         let options = widened(&SurfaceOptions::default(), touches);
         pair_density(touches, &query, &stored, facets.each_ref(), &options)
+    }
+
+    #[test]
+    fn a_pair_is_looked_up_as_loose_by_15_mm_at_most() {
+        let touch = seen(&places(1, 0).remove(0), &Pose::IDENTITY);
+        let tolerance = |position: f64, angle: f64| {
+            let looseness = Looseness { position, angle };
+            let on = |robot| touch.clone().with_base(Some(Base { robot, looseness }));
+            let PairTolerance { distance, cosine } =
+                widened(&SurfaceOptions::default(), [&on(1), &on(2)]).pairs;
+            [distance, cosine]
+        };
+        // Both bases together are looser by √2.
+        let [distance, cosine] = tolerance(0.005, 0.05);
+        let most = tolerance(0.1, 1.0);
+        assert!(distance < most[0] && cosine < most[1]);
+        assert_eq!(tolerance(0.011, 0.11).map(f32::to_bits), most.map(f32::to_bits));
+        let known = SurfaceOptions::default().pairs;
+        assert!((most[0] - known.distance.hypot(0.030)).abs() < 1e-6);
+        assert!((most[1] - known.cosine.hypot(0.30)).abs() < 1e-6);
     }
 
     #[test]

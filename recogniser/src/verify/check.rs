@@ -84,7 +84,7 @@ mod tests {
         for touch in session.touches {
             let scale = &session.options.scale;
             let new = Observation::new(touch, DVec3::ZERO, session.space, scale);
-            touches.push(new.weighed(&touches));
+            touches.push(new.weighed(&touches, session.options.motion.as_ref()));
         }
         if let Some(drift) = &session.options.motion {
             let n = touches.len();

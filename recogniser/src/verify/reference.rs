@@ -85,7 +85,7 @@ impl Placed {
         let x = 0.007 / position.sqrt();
         let normal = touch.point.and_then(|point| point.normal);
         Self {
-            weight: novelties(session.touches)[index] / (1.0 + moved / 0.01f64.powi(2)),
+            weight: novelties(session)[index] / (1.0 + moved / 0.01f64.powi(2)),
             position,
             angle: drift.map_or(0.0, |drift| moves * drift.angle.powi(2)),
             off_object: 64.0 * (-0.717 * x - 0.416 * x * x).exp(),
@@ -96,15 +96,22 @@ impl Placed {
 }
 
 /// Probability of each touch that no earlier one was at its place. Equation R2.
-fn novelties(touches: &[Touch]) -> Vec<f64> {
+fn novelties(session: &Session<'_>) -> Vec<f64> {
     let mut all: Vec<f64> = Vec::new();
-    for touch in touches {
-        let is_new = |(other, novelty): (&Touch, &f64)| {
-            let distance =
-                touch.position.distance(other.position).hypot(0.006 * turned(touch, other));
-            1.0 - novelty * (1.0 - normal_probability((distance - 0.004) / 0.001))
+    for touch in session.touches {
+        let n = all.len();
+        let is_new = |(index, (other, novelty)): (usize, (&Touch, &f64))| {
+            let moves = (n - index) as f64;
+            let loose = session.options.motion.map_or(0.0, |drift| {
+                let turned = if feel_normals(touch, other) { drift.angle } else { 0.0 };
+                moves * (3.0 * drift.position.powi(2) + 2.0 * (0.006 * turned).powi(2))
+            });
+            let squared = touch.position.distance_squared(other.position)
+                + (0.006 * turned(touch, other)).powi(2)
+                + loose;
+            1.0 - novelty * (1.0 - normal_probability((squared.sqrt() - 0.004) / 0.001))
         };
-        all.push(touches.iter().zip(&all).map(is_new).product());
+        all.push(session.touches.iter().zip(&all).enumerate().map(is_new).product());
     }
     all
 }
@@ -119,8 +126,13 @@ fn normal_probability(x: f64) -> f64 {
 
 /// Distance of the normals of two touches; 0 if one was not felt.
 fn turned(touch: &Touch, other: &Touch) -> f64 {
+    if feel_normals(touch, other) { touch.normal.distance(other.normal) } else { 0.0 }
+}
+
+/// Whether both touches felt a normal.
+fn feel_normals(touch: &Touch, other: &Touch) -> bool {
     let felt = |touch: &Touch| touch.point.is_none_or(|point| point.normal.is_some());
-    if felt(touch) && felt(other) { touch.normal.distance(other.normal) } else { 0.0 }
+    felt(touch) && felt(other)
 }
 
 /// L of equation R4: density ratio of the touch under the object in a pose against a touch

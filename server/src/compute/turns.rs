@@ -23,11 +23,11 @@ use crate::client::Client;
 const SLICE: Duration = Duration::from_millis(40);
 /// Interval at which slices end.
 const TICK: Duration = Duration::from_millis(10);
-/// Lead of what a client has spent over the one that has spent least, at most; it bounds how long
-/// its next short work waits. Chosen: a few times the slices of all cores.
+/// Most time by which a client's account may exceed the smallest one. It bounds how long the
+/// client's next short work waits. Chosen: a few times the slices of all cores.
 const DEBT_MAX: Duration = Duration::from_secs(1);
-/// Number of pieces of one urgency that are shared out at once. Chosen: the threads of each are as
-/// many as the cores.
+/// Most pieces of one urgency that are shared out at once. Chosen: each has as many threads of its
+/// own as there are cores, so more pieces would cost memory and switches and end no sooner.
 const SHARED_MAX: usize = 4;
 
 /// A piece of work.

@@ -6,6 +6,7 @@ pub(super) const QUESTION_NICE: i32 = 5;
 /// The same for long work, and for work of any urgency that has used up its slice. Chosen: at 10 it
 /// gets a tenth, so long work still ends on a busy server.
 pub(super) const LONG_NICE: i32 = 10;
+
 /// How urgently a piece of work is waited for, the most urgent first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Urgency {

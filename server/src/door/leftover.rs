@@ -1,5 +1,6 @@
-//! Unread parts of requests, for answers that are sent before the request's body has arrived.
+//! Bodies of requests that are not read to their end, or end in the middle.
 //!
+//! An answer may be sent before the request's body has arrived.
 //! Closing a connection with unread bytes resets it, and the client may lose the answer in
 //! its own buffer; a client that keeps the connection sends its next request into one that is
 //! about to close. So such an answer announces the end of the connection, and arriving bytes
@@ -9,6 +10,7 @@ use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context, Poll};
 
+use axum::BoxError;
 use axum::body::Bytes;
 use hyper::body::{Body, Frame, Incoming, SizeHint};
 
@@ -29,18 +31,21 @@ impl Asked {
 
 impl Body for Asked {
     type Data = Bytes;
-    type Error = hyper::Error;
+    type Error = BoxError;
 
     fn poll_frame(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
-    ) -> Poll<Option<Result<Frame<Bytes>, hyper::Error>>> {
+    ) -> Poll<Option<Result<Frame<Bytes>, BoxError>>> {
         let polled = Pin::new(&mut self.body).poll_frame(context);
         self.has_ended |= matches!(polled, Poll::Ready(None));
         if self.has_ended || self.body.is_end_stream() {
             self.pace.arrived();
+        } else if polled.is_pending() && self.pace.has_ended() {
+            // All that came has been read.
+            return Poll::Ready(Some(Err("the connection ended in the middle of the body".into())));
         }
-        polled
+        polled.map_err(Into::into)
     }
 
     fn is_end_stream(&self) -> bool {

@@ -32,7 +32,7 @@ const INTERIM: &[u8] = b"HTTP/1.1 100 Continue\r\n\r\n";
 const INTERIM_AFTER: [Duration; 3] =
     [Duration::from_millis(150), Duration::from_millis(200), Duration::from_millis(300)];
 
-/// Time between two looks whether a body has been read whose client has closed its direction.
+/// Time between two looks of a request for its body whose client has closed its direction.
 /// Chosen: short beside the first interim answer.
 const BODY_LOOK: Duration = Duration::from_millis(20);
 
@@ -65,6 +65,8 @@ pub(super) struct Pace {
     is_modern: AtomicBool,
     /// Whether a request's body was not read to its end.
     is_unread: AtomicBool,
+    /// Whether the client has closed its direction, and all bytes before are at their request.
+    has_ended: AtomicBool,
 }
 
 /// A request under way; dropped with the last byte of its answer's body.
@@ -74,8 +76,8 @@ pub(super) struct RequestUnderWay(Arc<Pace>);
 impl Pace {
     pub(super) fn new(patience: Patience) -> Arc<Self> {
         let phase = Phase::Headers(Instant::now() + patience.headers);
-        let [is_modern, is_unread] = [true, false].map(AtomicBool::new);
-        Arc::new(Self { patience, phase: Mutex::new(phase), is_modern, is_unread })
+        let [is_modern, is_unread, has_ended] = [true, false, false].map(AtomicBool::new);
+        Arc::new(Self { patience, phase: Mutex::new(phase), is_modern, is_unread, has_ended })
     }
 
     /// Registers complete headers of a request.
@@ -104,6 +106,11 @@ impl Pace {
     /// Whether the connection can serve no other request: the rest of a body comes first.
     pub(super) fn is_unread(&self) -> bool {
         self.is_unread.load(Ordering::Acquire)
+    }
+
+    /// Whether a body that is not complete stays so.
+    pub(super) fn has_ended(&self) -> bool {
+        self.has_ended.load(Ordering::Acquire)
     }
 
     /// Registers incoming bytes.
@@ -241,8 +248,10 @@ impl<T: AsyncWrite + Unpin> Paced<T> {
             Phase::Answer { interim: false } => {
                 return !self.awaited.poll(since.max(self.written) + QUIET, context);
             }
-            // The whole body may be here, and not yet be read by its request.
+            // The whole body is here and not yet read by its request, or that now gets an error
+            // (`leftover`): hyper looks for more bytes only after it has handed on all before.
             Phase::Body if now < since + self.pace.patience.body => {
+                self.pace.has_ended.store(true, Ordering::Release);
                 let _ = self.awaited.poll(now + BODY_LOOK, context);
                 return true;
             }

@@ -54,7 +54,7 @@ const HELP: [(&str, &str); 70] = [
     ("palpate_store_commits_total", "Commits"),
     ("palpate_store_compactions_total", "Compactions of the database"),
     ("palpate_store_flushes_total", "Flushes that commits shared"),
-    ("palpate_store_free_bytes", "Free space of the disk"),
+    ("palpate_store_free_bytes", "Free space of the disk, the held reserve included"),
     ("palpate_store_key_bytes", "Bytes that a key holds"),
     ("palpate_store_largest_bytes", "Bytes that removing a thing frees"),
     ("palpate_store_live_bytes", "Bytes of keys and records in the database"),

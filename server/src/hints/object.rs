@@ -137,18 +137,19 @@ pub(crate) fn of_catalogue(
     warnings
 }
 
-/// Objects with equal shapes or readings.
-pub(crate) fn of_twins(twins: &[[String; 2]]) -> Option<Warning> {
-    let [one, other] = twins.first()?;
-    let others = match twins.len() {
-        1 => String::new(),
-        n => format!(" (and {} pairs more)", n - 1),
+/// Warns of objects with equal shapes or readings, given the names of the first pair and the number
+/// of pairs.
+pub(crate) fn of_twins(([one, other], n_pairs): ([String; 2], usize)) -> Warning {
+    let others = match n_pairs {
+        0 | 1 => String::new(),
+        2 => " (and one more pair)".to_owned(),
+        n => format!(" (and {} more pairs)", n - 1),
     };
     let detail = format!(
         "objects {one:?} and {other:?} have the same shape{others}: touch cannot tell them apart, so \
          no belief gets sure of either; remove one of them, or accept either answer"
     );
-    Some(Warning { code: WarningCode::DuplicateObjects, pointer: "/objects".to_owned(), detail })
+    Warning { code: WarningCode::DuplicateObjects, pointer: "/objects".to_owned(), detail }
 }
 
 /// A training that trusts its sensor as an earlier version did, and not as the sensor states.

@@ -111,3 +111,11 @@ fn an_array_of_few_taxels_is_judged_by_size_alone() {
     };
     assert_eq!((judge([4.1, 2.0, 1.0, 0.5]), judge([41.0, 20.0, 0.0, 5.0])), (1, 0));
 }
+
+#[test]
+fn further_pairs_of_twins_are_counted() {
+    let said = |n_pairs| of_twins((["mug".to_owned(), "cup".to_owned()], n_pairs)).detail;
+    assert!(said(1).contains("have the same shape: touch"), "{}", said(1));
+    assert!(said(2).contains("(and one more pair)"), "{}", said(2));
+    assert!(said(7).contains("(and 6 more pairs)"), "{}", said(7));
+}

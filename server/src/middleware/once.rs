@@ -1,8 +1,8 @@
 //! Header fields that come once, and the host that a request addresses.
 //!
-//! Of two lines one program reads the first and the next one the last, so a proxy may have checked
-//! another request than the one that is answered. Such a request is refused (RFC 9110, section 5.3;
-//! for `Host` also RFC 9112, section 3.2).
+//! When a field comes twice, one program reads the first and another the last, so a proxy may have
+//! checked another request than the one that is answered. Such a request is refused (RFC 9110,
+//! section 5.3; for `Host` also RFC 9112, section 3.2).
 
 use axum::extract::Request;
 use axum::http::uri::Authority;

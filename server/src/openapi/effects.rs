@@ -1,18 +1,15 @@
-//! How the effect of every field of every request body is observed.
+//! A table of where the effect of each field of a request body shows; no field may be missing.
 //!
-//! A field that is accepted and has no effect misleads its sender. Fields of readings are walked
-//! over HTTP, too (`tests/http/contradictions.rs`).
+//! A field that is accepted and has no effect misleads its sender. The test compares names alone:
+//! it sends no request. Fields of readings are walked over HTTP (`tests/http/contradictions.rs`).
 
-#[cfg(test)]
-mod tests {
-    use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet};
 
-    use serde_json::Value;
+use serde_json::Value;
 
-    /// Schema, its fields, and `>` a schema of answers with fields of these names, or `@` a test of
-    /// `tests/http` that sends them and looks at what they do. `>` alone: the schema itself is
-    /// answered.
-    const EFFECTS: &str = "\
+/// Schema, its fields, and `>` a schema of answers that has fields of these names, or `@` a file of
+/// `tests/http` in which these names stand. `>` alone: the schema itself is answered.
+const EFFECTS: &str = "\
 AcknowledgeSessions mute_s sessions @ fleet
 AddReadings readings @ sessions
 AddTrainingReadings readings @ objects
@@ -84,72 +81,71 @@ VersionReference catalogue version >
 WorkspaceBox high low >
 ";
 
-    /// The schemas that a part of the description refers to, directly or through others.
-    fn referred<'a>(part: &'a Value, schemas: &'a Value, found: &mut BTreeSet<&'a str>) {
-        if let Some(name) = part.get("$ref").and_then(Value::as_str) {
-            let name = name.rsplit('/').next().unwrap();
-            if schemas.get(name).is_some() && found.insert(name) {
-                referred(&schemas[name], schemas, found);
-            }
-        }
-        match part {
-            Value::Object(fields) => {
-                fields
-                    .iter()
-                    .filter(|(name, _)| !name.starts_with("example"))
-                    .for_each(|(_, field)| referred(field, schemas, found));
-            }
-            Value::Array(items) => items.iter().for_each(|item| referred(item, schemas, found)),
-            _ => {}
+/// The schemas that a part of the description refers to, directly or through others.
+fn referred<'a>(part: &'a Value, schemas: &'a Value, found: &mut BTreeSet<&'a str>) {
+    if let Some(name) = part.get("$ref").and_then(Value::as_str) {
+        let name = name.rsplit('/').next().unwrap();
+        if schemas.get(name).is_some() && found.insert(name) {
+            referred(&schemas[name], schemas, found);
         }
     }
+    match part {
+        Value::Object(fields) => {
+            fields
+                .iter()
+                .filter(|(name, _)| !name.starts_with("example"))
+                .for_each(|(_, field)| referred(field, schemas, found));
+        }
+        Value::Array(items) => items.iter().for_each(|item| referred(item, schemas, found)),
+        _ => {}
+    }
+}
 
-    /// The fields of a schema, of all its variants.
-    fn fields(schema: &Value) -> BTreeSet<&str> {
-        let own = schema["properties"].as_object().into_iter().flatten();
-        let mut all: BTreeSet<&str> = own.map(|(name, _)| name.as_str()).collect();
-        for kind in ["allOf", "anyOf", "oneOf"] {
-            all.extend(schema[kind].as_array().into_iter().flatten().flat_map(fields));
-        }
-        all
+/// The fields of a schema, of all its variants.
+fn fields(schema: &Value) -> BTreeSet<&str> {
+    let own = schema["properties"].as_object().into_iter().flatten();
+    let mut all: BTreeSet<&str> = own.map(|(name, _)| name.as_str()).collect();
+    for kind in ["allOf", "anyOf", "oneOf"] {
+        all.extend(schema[kind].as_array().into_iter().flatten().flat_map(fields));
     }
+    all
+}
 
-    #[test]
-    fn every_field_of_every_request_has_an_effect() {
-        let description: Value = serde_json::from_str(super::super::text()).unwrap();
-        let schemas = &description["components"]["schemas"];
-        let (mut asked, mut answered) = (BTreeSet::new(), BTreeSet::new());
-        for item in description["paths"].as_object().unwrap().values() {
-            for operation in item.as_object().unwrap().values() {
-                referred(&operation["requestBody"], schemas, &mut asked);
-                referred(&operation["responses"], schemas, &mut answered);
-            }
+#[test]
+fn every_field_of_a_request_has_a_line() {
+    let description: Value = serde_json::from_str(super::text()).unwrap();
+    let schemas = &description["components"]["schemas"];
+    let (mut asked, mut answered) = (BTreeSet::new(), BTreeSet::new());
+    for item in description["paths"].as_object().unwrap().values() {
+        for operation in item.as_object().unwrap().values() {
+            referred(&operation["requestBody"], schemas, &mut asked);
+            referred(&operation["responses"], schemas, &mut answered);
         }
-        let mut observed: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
-        for line in EFFECTS.lines() {
-            let (given, by) = line.split_once(['>', '@']).unwrap();
-            let mut given = given.split_whitespace();
-            let (schema, by) = (given.next().unwrap(), by.trim());
-            let names: Vec<&str> = given.collect();
-            if line.contains('>') {
-                let answer = if by.is_empty() { schema } else { by };
-                assert!(answered.contains(answer), "{line}: {answer} is no answer");
-                let its = fields(&schemas[answer]);
-                let missing = names.iter().find(|name| !its.contains(**name));
-                assert_eq!(missing, None, "{line}");
-            } else {
-                let path = format!("{}/tests/http/{by}.rs", env!("CARGO_MANIFEST_DIR"));
-                let test = std::fs::read_to_string(&path).unwrap();
-                let missing = names.iter().find(|name| !test.contains(&format!("\"{name}\"")));
-                assert_eq!(missing, None, "{line}: the test does not send it");
-            }
-            observed.entry(schema).or_default().extend(names);
-        }
-        for schema in asked {
-            let its = fields(&schemas[schema]);
-            let known = observed.remove(schema).unwrap_or_default();
-            assert_eq!(its, known, "{schema}: every field needs a line in EFFECTS");
-        }
-        assert!(observed.is_empty(), "no request has {observed:?}");
     }
+    let mut observed: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
+    for line in EFFECTS.lines() {
+        let (given, by) = line.split_once(['>', '@']).unwrap();
+        let mut given = given.split_whitespace();
+        let (schema, by) = (given.next().unwrap(), by.trim());
+        let names: Vec<&str> = given.collect();
+        if line.contains('>') {
+            let answer = if by.is_empty() { schema } else { by };
+            assert!(answered.contains(answer), "{line}: {answer} is no answer");
+            let its = fields(&schemas[answer]);
+            let missing = names.iter().find(|name| !its.contains(**name));
+            assert_eq!(missing, None, "{line}");
+        } else {
+            let path = format!("{}/tests/http/{by}.rs", env!("CARGO_MANIFEST_DIR"));
+            let test = std::fs::read_to_string(&path).unwrap();
+            let missing = names.iter().find(|name| !test.contains(&format!("\"{name}\"")));
+            assert_eq!(missing, None, "{line}: the test does not send it");
+        }
+        observed.entry(schema).or_default().extend(names);
+    }
+    for schema in asked {
+        let its = fields(&schemas[schema]);
+        let known = observed.remove(schema).unwrap_or_default();
+        assert_eq!(its, known, "{schema}: every field needs a line in EFFECTS");
+    }
+    assert!(observed.is_empty(), "no request has {observed:?}");
 }

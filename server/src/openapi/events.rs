@@ -54,8 +54,8 @@ pub(super) fn webhooks() -> Paths {
         .operation_id(Some("receive_webhook_event"))
         .summary(Some("Receive an event"))
         .description(Some(
-            "Posted to the URL of a webhook, signed as Standard Webhooks say. Any answer but these \
-             is tried again.",
+            "Posted to the URL of a webhook, signed as Standard Webhooks say. After any other \
+             answer the server sends the event again.",
         ))
         .request_body(Some(body.required(Some(Required::True)).build()))
         .response("2XX", Response::new("The event has arrived"))

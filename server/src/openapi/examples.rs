@@ -68,7 +68,7 @@ const PROBLEMS: [(ProblemType, &str); 16] = [
     (ProblemType::Conflict, "the name \"mug\" is taken"),
     (ProblemType::SessionEnded, "the session was closed at 2026-11-26T02:24:37Z"),
     (ProblemType::PreconditionFailed, "the current version has revision 4, expected 3"),
-    (ProblemType::BodyTooLarge, "the body has more than 32000000 bytes"),
+    (ProblemType::BodyTooLarge, "the body is longer than 33.6 MB"),
     (
         ProblemType::UnsupportedMediaType,
         "the content type is text/plain, expected application/json",

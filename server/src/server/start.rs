@@ -125,3 +125,28 @@ pub fn check(config: &Config) -> Result<(), StartError> {
 pub(super) fn is_exposed(config: &Config) -> bool {
     !config.listen.ip().is_loopback() && !config.insecure_bind
 }
+
+#[cfg(test)]
+mod tests {
+    use palpate_store::nats::NatsOptions;
+
+    use super::*;
+
+    #[test]
+    fn only_what_has_no_keys_for_certain_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let new = Config {
+            listen: ([0, 0, 0, 0], 0).into(),
+            access: Access::Auto,
+            ..Config::new(folder.path().join("new"))
+        };
+        let spool = folder.path().join("spool");
+        let cluster = Some(NatsOptions::parse("nats://127.0.0.1:4222", spool).unwrap());
+        let is_refused =
+            |config: &Config| matches!(check(config), Err(StartError::InsecureBind { .. }));
+        assert!(is_refused(&new));
+        assert!(!is_refused(&Config { cluster, ..new.clone() }), "keys may be in a shared store");
+        assert!(!is_refused(&Config { new_admin_key: true, ..new.clone() }));
+        assert!(is_refused(&Config { access: Access::Open, new_admin_key: true, ..new }));
+    }
+}

@@ -122,7 +122,7 @@ pub(crate) fn train(
                     objects.iter().zip(materials.iter().map(|one| one.touched.size)).collect();
                 let skipped = skipped.reported();
                 let mut warnings = of_catalogue(&sizes, &skipped);
-                warnings.extend(of_twins(&twins::twins(plan, &materials, sources)?));
+                warnings.extend(twins::twins(plan, &materials, sources)?.map(of_twins));
                 if let Some(version) = plan.kept_from
                     && objects.iter().any(|object| object.sensor_knowledge.is_some())
                 {

@@ -18,7 +18,7 @@ use crate::wire::{Invalid, number, outside, range};
 
 /// Maximum number of weights of objects.
 const CLASSES_MAX: usize = 1_000;
-/// Permitted weights above 0: their products with a prior are numbers above 0.
+/// Permitted weights above 0. Chosen: products of weights with a prior stay normal numbers.
 const WEIGHT: [f64; 2] = [1e-9, 1e6];
 /// Permitted deviations of a covariance along each axis, in metres.
 const POSITION_DEVIATION: [f64; 2] = [1e-5, 1.0];
@@ -129,9 +129,8 @@ fn some(pointer: &str, weights: &[f64]) -> Result<(), Invalid> {
 fn weight(pointer: &str, found: f64) -> Result<f64, Invalid> {
     let [min, max] = WEIGHT;
     if found > 0.0 && found < min {
-        let found = palpate_core::units::Beyond(found, [0.0, min]);
-        let detail = format!("came {found}, expected 0, or {min:e} to {max}");
-        return Err(Invalid::field(pointer, detail));
+        let expected = format!("0, or {min:e} to {max}");
+        return Err(outside(pointer, found, [0.0, min], &expected));
     }
     number(pointer, found, 0.0, max)
 }

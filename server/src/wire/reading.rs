@@ -314,7 +314,8 @@ pub(crate) fn robot(pointer: &str, robot: &str) -> Result<(), Invalid> {
     Ok(())
 }
 
-/// The name of a frame: ROS states none as an empty text, and older systems begin names with a slash.
+/// The name of a frame: ROS states none as an empty text, and older systems begin names with a
+/// slash.
 pub(crate) fn frame_name(given: &str) -> Option<&str> {
     Some(given.strip_prefix('/').unwrap_or(given)).filter(|name| !name.is_empty())
 }
@@ -354,6 +355,7 @@ pub(crate) fn shared_frame<'a>(given: &'a [wire::Reading]) -> Result<Option<&'a 
     let named = |reading: &'a wire::Reading| reading.frame_id.as_deref().and_then(frame_name);
     let first = given.first().and_then(named);
     let other = given.iter().position(|reading| named(reading) != first);
+    let shown = |name: Option<&str>| name.map_or("null".to_owned(), |name| format!("{name:?}"));
     match other {
         None => Ok(first),
         Some(index) => Err(Invalid(vec![FieldError {
@@ -361,8 +363,8 @@ pub(crate) fn shared_frame<'a>(given: &'a [wire::Reading]) -> Result<Option<&'a 
             detail: format!(
                 "came {}, expected {} as in the first reading: training readings are given in one \
                  frame in which the object is at rest",
-                given[index].frame_id.as_deref().unwrap_or("null"),
-                first.unwrap_or("null")
+                shown(named(&given[index])),
+                shown(first)
             ),
         }])),
     }

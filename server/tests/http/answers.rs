@@ -7,7 +7,7 @@ use reqwest::Method;
 use serde_json::{Value, json};
 
 use crate::calibration::{indentations, run};
-use crate::harness::Harness;
+use crate::harness::{Harness, quiet_reading};
 
 /// What bounds the answer to a reading request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -137,8 +137,22 @@ async fn a_training_that_takes_too_much_memory_is_refused() {
         let detail = problem["errors"][0]["detail"].as_str().unwrap();
         assert!(detail.contains("--training-memory-mb"), "{detail}");
     }
+    let both = json!({
+        "readings_per_object": 20_000, "surface_readings_per_object": 20_000, "surface": false,
+    });
+    it.post(path, &both).await.problem(422, "invalid-value", Some("/readings_per_object"));
     it.post(path, &large("seed", 4)).await.expect(202);
     assert_eq!(it.get("/v1/jobs").await.expect(200)["items"].as_array().unwrap().len(), 2);
     let it = it.restart_with(|config| config.training_memory_bytes_max = 1_000_000).await;
     it.post(path, &json!({})).await.problem(422, "invalid-value", Some("/objects"));
+    // Three readings of 36 taxels and features of 4,096 values: 3 × (300 + 110 × 4,132) bytes.
+    it.post("/v1/objects", &json!({"name": "felt"})).await.expect(201);
+    let mut reading = quiet_reading();
+    for feature in [vec![0; 4096], vec![1; 4096], vec![2; 4096]] {
+        reading["feature"] = json!(feature);
+        let readings = json!({"readings": [reading]});
+        it.post("/v1/objects/felt/readings", &readings).await.expect(200);
+    }
+    let felt = it.post(path, &json!({"objects": ["felt"]})).await;
+    felt.problem(422, "invalid-value", Some("/objects"));
 }

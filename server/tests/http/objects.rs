@@ -147,6 +147,11 @@ async fn training_readings_are_stored_once_and_listed() {
     readings[0]["frame_id"] = json!("table");
     let mixed = it.post(path, &json!({"readings": readings})).await;
     mixed.problem(422, "invalid-value", Some("/readings/1/frame_id"));
+    readings[1]["frame_id"] = json!("");
+    let unnamed = it.post(path, &json!({"readings": readings})).await;
+    let problem = unnamed.problem(422, "invalid-value", Some("/readings/1/frame_id"));
+    let detail = problem["errors"][0]["detail"].as_str().unwrap();
+    assert!(detail.starts_with("came null, expected \"table\""), "{detail}");
     assert_eq!(it.get("/v1/objects/mug").await.expect(200)["n_readings"], 3);
 }
 
@@ -243,7 +248,7 @@ async fn refusals_of_meshes_say_what_the_file_is_and_what_to_do() {
         ("model/stl", zip, "ZIP archive"),
         ("model/stl", step, "export STL or 3MF"),
         ("model/stl", off_box(CUBE).repeat(9).into_bytes(), "begins as OFF does"),
-        ("model/stl", vec![0; 3_000_000], "longer than 2 MB: decimate"),
+        ("model/stl", vec![0; 3_000_000], "longer than 2.50 MB: decimate"),
         ("model/off", tiny, "extent 4e-27 m"),
         ("model/off", huge, "extent of 4e28 m"),
     ] {

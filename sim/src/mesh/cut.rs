@@ -14,7 +14,7 @@ use glam::{DVec2, DVec3};
 /// false if the polygon crosses itself, so that its rest was cut as a fan.
 ///
 /// `flat` is twice the area of a triangle without area. The triangles wind as the polygon does.
-/// `steps` is what is left of the work that a file may cause; at 0, everything is a fan.
+/// `steps` is the remaining work budget of the file; polygons beyond it become fans.
 pub(super) fn cut(
     corners: &[DVec3],
     flat: f64,

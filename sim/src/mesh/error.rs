@@ -5,6 +5,9 @@ use thiserror::Error;
 
 use super::MeshFormat;
 
+/// Longest name from a file that an error repeats, letters.
+const NAME_LETTERS_MAX: usize = 100;
+
 /// Error of bytes or numbers that are not a mesh.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum MeshError {
@@ -158,4 +161,24 @@ pub enum MeshError {
         /// The given unit, metres.
         found: f64,
     },
+}
+
+impl MeshError {
+    /// The error of a part, which the file names.
+    pub(super) fn part(format: MeshFormat, part: &str, expected: &'static str) -> Self {
+        Self::Part { format, part: shortened(part), expected }
+    }
+
+    /// The error of an extension that is not read, which the file names.
+    pub(super) fn unsupported(format: MeshFormat, name: &str) -> Self {
+        Self::Unsupported { format, name: shortened(name) }
+    }
+}
+
+/// The beginning of a name from a file.
+fn shortened(name: &str) -> Box<str> {
+    match name.char_indices().nth(NAME_LETTERS_MAX) {
+        Some((end, _)) => format!("{}…", &name[..end]).into(),
+        None => name.into(),
+    }
 }

@@ -2,6 +2,11 @@
 
 use std::fmt;
 
+use super::text;
+
+/// Bytes of a file in which its first word is looked for.
+const HEAD_BYTES: usize = 4096;
+
 /// A mesh file format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MeshFormat {
@@ -81,7 +86,8 @@ impl MeshFormat {
 
     /// The format that a file's first bytes show; `None` if they show none.
     ///
-    /// A binary STL shows nothing: its comment may begin with anything.
+    /// Comments (`#`) show nothing, and neither does a binary STL: its header may begin with
+    /// anything.
     #[must_use]
     pub fn from_content(bytes: &[u8]) -> Option<Self> {
         let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
@@ -94,19 +100,19 @@ impl MeshFormat {
         if bytes.starts_with(b"glTF") {
             return Some(Self::Glb);
         }
-        let head = &bytes[..bytes.len().min(4096)];
+        let head = text::plain(&bytes[..bytes.len().min(HEAD_BYTES)]);
         let mut words = head.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
         let word = words.next()?.to_ascii_lowercase();
         match &word[..] {
             b"ply" => Some(Self::Ply),
             b"solid" => Some(Self::Stl),
-            b"v" | b"vn" | b"vt" | b"mtllib" => Some(Self::Obj),
+            b"v" | b"vn" | b"vt" | b"o" | b"g" | b"mtllib" => Some(Self::Obj),
             word if word.len() <= 7 && word.ends_with(b"off") => Some(Self::Off),
             _ => None,
         }
     }
 
-    /// The unit that every file of the format has, or says itself, so that nobody needs to give it.
+    /// Whether the format fixes the unit or every file states it, so no user needs to give one.
     #[must_use]
     pub fn knows_its_unit(self) -> bool {
         matches!(self, Self::Glb | Self::ThreeMf)

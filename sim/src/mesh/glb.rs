@@ -1,14 +1,17 @@
 //! GLB (glTF 2.0, binary) through `gltf`: the triangles of the default scene, each at its node's
 //! place, in metres.
 //!
-//! Buffers must be inside the file. Extensions that a file requires are refused by name, except
-//! those on looks. Skins and animations are not read: a body has the shape of its rest.
+//! Buffers must be inside the file, and the description must be valid where it says a shape.
+//! Extensions that a file requires are refused by name, except those on looks. Skins and animations
+//! are not read: a body has the shape of its rest.
 
 use std::borrow::Cow;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use gltf::accessor::{DataType, Dimensions};
 use gltf::binary::Glb;
+use gltf::json::validation::{self, Validate as _};
+use gltf::json::{Path, Root};
 use gltf::mesh::Mode;
 use gltf::scene::Transform;
 use gltf::{Document, Node, Primitive, buffer};
@@ -20,8 +23,12 @@ const FORMAT: MeshFormat = MeshFormat::Glb;
 const HEADER_BYTES: usize = 12;
 /// Largest description of nodes and meshes. Small items of it become a hundred times as large.
 const JSON_BYTES_MAX: usize = 2_000_000;
-/// Beginnings of the names of extensions that do not change a shape.
-const LOOKS: [&str; 3] = ["KHR_materials_", "KHR_texture_", "KHR_lights_"];
+/// Words in the names of extensions that do not change a shape, behind the prefix of any vendor.
+const LOOKS: [&str; 3] = ["_materials_", "_texture_", "_lights_"];
+/// The members of a description that say a shape.
+const SHAPES: [&str; 6] = ["scene", "nodes", "meshes", "accessors", "bufferViews", "buffers"];
+/// Members of these that do not.
+const NO_SHAPES: [&str; 4] = [".material", ".camera", ".skin", ".extensions"];
 
 /// Reads one file; returns what follows.
 pub(super) fn read<'a>(bytes: &'a [u8], polygons: &mut Polygons) -> Result<&'a [u8], MeshError> {
@@ -36,12 +43,13 @@ pub(super) fn read<'a>(bytes: &'a [u8], polygons: &mut Polygons) -> Result<&'a [
     if glb.json.len() > JSON_BYTES_MAX {
         return Err(part("JSON", "at most 2 MB: join the parts before export"));
     }
-    let root: gltf::json::Root = gltf::json::deserialize::from_slice(&glb.json)
+    let root: Root = gltf::json::deserialize::from_slice(&glb.json)
         .map_err(|_| part("JSON", "a glTF 2.0 document"))?;
-    let shapes = |name: &&String| !LOOKS.iter().any(|looks| name.starts_with(looks));
+    let shapes = |name: &&String| !LOOKS.iter().any(|looks| name.contains(looks));
     if let Some(name) = root.extensions_required.iter().find(shapes) {
-        return Err(MeshError::Unsupported { format: FORMAT, name: name.as_str().into() });
+        return Err(MeshError::unsupported(FORMAT, name));
     }
+    validate(&root)?;
     let document = Document::from_json_without_validation(root);
     let mut reader = Reader { bin: glb.bin.unwrap_or(Cow::Borrowed(&[])), polygons };
     let mut is_seen = vec![false; document.nodes().len()];
@@ -64,8 +72,32 @@ pub(super) fn read<'a>(bytes: &'a [u8], polygons: &mut Polygons) -> Result<&'a [
     Ok(rest)
 }
 
+/// Refuses indices of what is not there, and values outside the format, where they say a shape.
+fn validate(root: &Root) -> Result<(), MeshError> {
+    let mut fault = None;
+    let report = &mut |path: &dyn Fn() -> Path, error: validation::Error| {
+        let expected = match error {
+            _ if fault.is_some() => return,
+            validation::Error::IndexOutOfBounds => "the index of one that exists",
+            validation::Error::Invalid => "a value of glTF 2.0",
+            // Buffers and extents that are missing are met, or not needed, by the reader.
+            _ => return,
+        };
+        let path = path();
+        let is_shape = SHAPES.iter().any(|member| path.as_str().starts_with(member))
+            && !NO_SHAPES.iter().any(|member| path.as_str().contains(member));
+        // Attributes of any name are allowed, and extents of positions not read.
+        let is_unread = error == validation::Error::Invalid && path.as_str().contains("attributes");
+        if is_shape && !is_unread {
+            fault = Some(part(path.as_str(), expected));
+        }
+    };
+    root.validate(root, Path::new, report);
+    fault.map_or(Ok(()), Err)
+}
+
 fn part(part: &str, expected: &'static str) -> MeshError {
-    MeshError::Part { format: FORMAT, part: part.into(), expected }
+    MeshError::part(FORMAT, part, expected)
 }
 
 /// A node's transform, in double precision.

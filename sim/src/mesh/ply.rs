@@ -63,7 +63,11 @@ fn scalar(value: &Property) -> f64 {
 pub(super) fn is_text(bytes: &[u8]) -> bool {
     let head = text::plain(&bytes[..bytes.len().min(HEAD_BYTES)]);
     let mut lines = head.split(|byte| *byte == b'\n');
-    lines.any(|line| line.to_ascii_lowercase().starts_with(b"format ascii"))
+    lines.any(|line| {
+        let words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+        let begins: Vec<Vec<u8>> = words.take(2).map(<[u8]>::to_ascii_lowercase).collect();
+        begins == [b"format", &b"ascii"[..]]
+    })
 }
 
 /// Reads one object, binary or plain text; returns what follows.

@@ -153,7 +153,12 @@ mod tests {
 
     #[test]
     fn the_first_word_reveals_another_format() {
-        let files: [(MeshFormat, &[u8]); 6] = [
+        let wide: Vec<u8> =
+            "v 0 0 0\nf 1 1 1\n".encode_utf16().flat_map(u16::to_le_bytes).collect();
+        let files: [(MeshFormat, &[u8]); 9] = [
+            (MeshFormat::Obj, b"# Blender v3.6.2\n# www.blender.org\no Cube\nv 0 0 0\n"),
+            (MeshFormat::Ply, b"#\r\rply\rformat ascii 1.0\rend_header\r"),
+            (MeshFormat::Obj, &wide),
             (MeshFormat::Off, b"STCNOFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"),
             (MeshFormat::Ply, b"ply\nformat ascii 1.0\nend_header\n"),
             (MeshFormat::Stl, b"SOLID cube\nendsolid cube\n"),

@@ -51,48 +51,53 @@ fn read_binary<'a>(bytes: &'a [u8], polygons: &mut Polygons) -> Result<&'a [u8],
     Ok(&bytes[end..])
 }
 
-/// Reads facets, whatever solids they are in; words may stand in any line.
+/// Reads facets, whatever solids they are in; a line may end between any two words.
 fn read_text<'a>(text: &'a [u8], polygons: &mut Polygons) -> Result<&'a [u8], MeshError> {
+    let in_lines = Lines::of(text);
+    let numbered = |(line, words): (usize, &'a str)| {
+        words.split_ascii_whitespace().map(move |word| (line, word))
+    };
+    let mut words = in_lines.flat_map(numbered).peekable();
     let mut corners = Vec::new();
     let mut in_loop = false;
     let mut last = 0;
-    for (line, words) in Lines::of(text) {
+    while let Some((line, word)) = words.next() {
         let fault = |expected| MeshError::Syntax { format: FORMAT, line, expected };
-        let mut words = words.split_ascii_whitespace();
-        while let Some(word) = words.next() {
-            last = line;
-            match word.to_ascii_lowercase().as_str() {
-                // The rest of the line is a name.
-                "solid" | "endsolid" if !in_loop => words.by_ref().for_each(drop),
-                "facet" if !in_loop => {
-                    let normal: [Option<&str>; 4] = std::array::from_fn(|_| words.next());
-                    if normal[3].is_none() {
-                        return Err(fault("a normal of three numbers"));
-                    }
-                }
-                "outer" if !in_loop => {
-                    in_loop = words.next().is_some_and(|word| word.eq_ignore_ascii_case("loop"));
-                    if !in_loop {
-                        return Err(fault("the word loop"));
-                    }
-                }
-                "vertex" if in_loop => {
-                    let place = numbers::<3>(&mut words)
-                        .ok_or(fault("a vertex of three numbers such as 1.5, with a point"))?;
-                    corners.push(polygons.n_vertices() as u32);
-                    polygons.vertex(DVec3::from_array(place))?;
-                }
-                "endloop" if in_loop => {
-                    if corners.len() < 3 {
-                        return Err(fault("three vertices before the loop's end"));
-                    }
-                    polygons.polygon(&corners)?;
-                    corners.clear();
-                    in_loop = false;
-                }
-                "endfacet" if !in_loop => {}
-                _ => return Err(fault("solid, facet, outer loop, vertex or an end of them")),
+        last = line;
+        match word.to_ascii_lowercase().as_str() {
+            // The rest of the line is a name.
+            "solid" | "endsolid" if !in_loop => {
+                while words.next_if(|(of, _)| *of == line).is_some() {}
             }
+            "facet" if !in_loop => {
+                let normal: [&str; 4] =
+                    std::array::from_fn(|_| words.next().map_or("outer", |(_, word)| word));
+                if normal.iter().any(|word| word.eq_ignore_ascii_case("outer")) {
+                    return Err(fault("a normal of three numbers"));
+                }
+            }
+            "outer" if !in_loop => {
+                in_loop = words.next().is_some_and(|(_, word)| word.eq_ignore_ascii_case("loop"));
+                if !in_loop {
+                    return Err(fault("the word loop"));
+                }
+            }
+            "vertex" if in_loop => {
+                let place = numbers::<3>(&mut words.by_ref().map(|(_, word)| word))
+                    .ok_or(fault("a vertex of three numbers such as 1.5, with a point"))?;
+                corners.push(polygons.n_vertices() as u32);
+                polygons.vertex(DVec3::from_array(place))?;
+            }
+            "endloop" if in_loop => {
+                if corners.len() < 3 {
+                    return Err(fault("three vertices before the loop's end"));
+                }
+                polygons.polygon(&corners)?;
+                corners.clear();
+                in_loop = false;
+            }
+            "endfacet" if !in_loop => {}
+            _ => return Err(fault("solid, facet, outer loop, vertex or an end of them")),
         }
     }
     let expected = "the end of a facet before that of the file";
@@ -134,6 +139,17 @@ mod tests {
     }
 
     #[test]
+    fn a_line_may_end_between_any_two_words() {
+        let broken = ASCII.replacen("solid", "solid a name\n", 1).replace("normal ", "\nnormal\n");
+        let broken = broken.replace("outer loop", "outer\nloop").replace(" 0 0", "\n0\n0");
+        let mesh = Mesh::from_bytes(FORMAT, broken.as_bytes(), 1e-3).unwrap();
+        assert!((mesh.surface_area() - 0.5e-6).abs() < 1e-15);
+        let joined =
+            ASCII.replacen('\n', " a name\n", 1).replace("\nv", " v").replace("\nend", " end");
+        assert!(Mesh::from_bytes(FORMAT, joined.as_bytes(), 1e-3).is_ok());
+    }
+
+    #[test]
     fn bad_files_are_refused() {
         let good = tetrahedron().to_stl_bytes();
         let read = |bytes: &[u8]| Mesh::from_bytes(FORMAT, bytes, 1.0).unwrap_err();
@@ -152,6 +168,7 @@ mod tests {
         };
         assert_eq!(line("vertex 0 1 0\n", ""), 6);
         assert_eq!(line("vertex 0 1 0", "vertex 0 1,5 0"), 6);
+        assert_eq!(line("normal 0 0 1", "normal 0 0"), 2);
         assert_eq!(line("endsolid", "garbage"), 9);
         assert_eq!(line("endloop\nendfacet\nendsolid\n", ""), 6);
         let infinite = ASCII.replace("1 0 0", "1e999 0 0");

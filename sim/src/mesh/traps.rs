@@ -3,12 +3,13 @@
 //!
 //! The body is a prism on an L, 40 × 40 × 20 in the file's unit, or two of them.
 
+mod containers;
 mod writing;
 
 use glam::{DAffine3, DVec3};
 
 use super::{Mesh, MeshError, MeshFile, MeshFormat, MeshRemark};
-use writing::{WRITINGS, Writer, glb_with, mesh_xml, model, obj, off, prism, stl_binary, zipped};
+use writing::*;
 
 fn read(format: MeshFormat, bytes: &[u8]) -> Result<MeshFile, MeshError> {
     Mesh::read(format, bytes, Some(1e-3).filter(|_| !format.knows_its_unit()))
@@ -180,96 +181,15 @@ fn turned_faces_are_counted_in_every_format() {
 }
 
 #[test]
-fn nodes_of_a_glb_place_their_meshes() {
-    let half = prism(0).moved(DVec3::X * 20.0);
-    let inner = r#"{"mesh":0,"translation":[-20,0,0]}"#;
-    // A mirror at x = 0 and a turn, moved back, and twice as large and half as large again.
-    for nodes in [
-        format!(r#"[{inner}],"scenes":[{{"nodes":[0]}}],"#),
-        format!(
-            r#"[{{"children":[1],"scale":[2,2,2]}},{{"children":[2],"scale":[0.5,0.5,0.5]}},{inner}],
-            "scenes":[{{"nodes":[]}},{{"nodes":[0]}}],"scene":1,"#
-        ),
-        format!(r#"[{{"children":[1],"scale":[1,1,-1]}},{inner}],"scenes":[{{"nodes":[0]}}],"#),
-        format!(
-            r#"[{{"children":[1],"matrix":[-1,0,0,0,0,1,0,0,0,0,1,0,9,0,0,1]}},{inner}],
-            "scenes":[{{"nodes":[0]}}],"#
-        ),
-    ] {
-        check(
-            MeshFormat::Glb,
-            &glb_with(std::slice::from_ref(&half), &format!("\"nodes\":{nodes}")),
-            1,
-            0,
-        );
+fn a_ply_is_text_however_its_header_is_spaced() {
+    let far = prism(0).moved(DVec3::X * 1_000_000.01);
+    let text = String::from_utf8(ply_text(&[far])).unwrap();
+    for format in ["format  ascii", "format\tascii", " FORMAT ASCII"] {
+        let spaced = text.replace("format ascii", format);
+        check(MeshFormat::Ply, spaced.as_bytes(), 1, 0);
+        let low = read(MeshFormat::Ply, spaced.as_bytes()).unwrap().mesh.bounds().0;
+        assert!((low.x - 1000.00001).abs() < 1e-9, "{low}");
     }
-    let cycle = r#""nodes":[{"children":[1]},{"children":[0],"mesh":0}],"scenes":[{"nodes":[0]}],"#;
-    let refused = read(MeshFormat::Glb, &glb_with(&[prism(0)], cycle)).unwrap_err();
-    assert_eq!(refused.to_string(), "GLB file: nodes/0: expected one parent");
-    let draco = r#""extensionsRequired":["KHR_draco_mesh_compression"],"#;
-    let refused = read(MeshFormat::Glb, &glb_with(&[prism(0)], draco)).unwrap_err();
-    assert!(refused.to_string().contains("KHR_draco_mesh_compression"), "{refused}");
-    let looks = r#""extensionsRequired":["KHR_materials_unlit"],"#;
-    check(MeshFormat::Glb, &glb_with(&[prism(0)], looks), 1, 0);
-}
-
-#[test]
-fn parts_of_a_3mf_are_placed_and_its_unit_is_its_own() {
-    let mesh = mesh_xml(&prism(0));
-    let object = format!(r#"<object id="1">{mesh}</object>"#);
-    for (unit, metres) in [("micron", 1e-6), ("centimeter", 0.01), ("inch", 0.0254), ("meter", 1.0)]
-    {
-        let bytes = model(&format!("unit=\"{unit}\""), &object, "<item objectid=\"1\"/>");
-        let read = Mesh::read(MeshFormat::ThreeMf, &bytes, None);
-        let size = read.unwrap().mesh.largest_dimension();
-        assert!((size - 40.0 * metres).abs() < 1e-9 * metres, "{unit}: {size}");
-        let other = Mesh::read(MeshFormat::ThreeMf, &bytes, Some(1e-3));
-        assert!(matches!(other, Err(MeshError::UnitContradicts { .. })));
-    }
-    // Two places of one object through a component, the second mirrored.
-    let nested = format!(
-        r#"{object}<object id="2"><components><component objectid="1"
-        transform="1 0 0 0 1 0 0 0 1 -5 0 0"/></components></object>"#
-    );
-    let items = r#"<item objectid="2" transform="1 0 0 0 1 0 0 0 1 5 0 0"/>
-        <item objectid="2" transform="-1 0 0 0 1 0 0 0 1 95 0 0"/>"#;
-    check(MeshFormat::ThreeMf, &model("", &nested, items), 2, 0);
-    // A model of two parts, as slicers write it.
-    let inner = format!("<model><resources>{object}</resources></model>");
-    let outer = r#"<model xmlns:p="x/production/1" requiredextensions="p"><resources><object id="9">
-        <components><component p:path="/3D/Objects/a.model" objectid="1"/></components></object>
-        </resources><build><item objectid="9"/></build></model>"#;
-    let parts = [("3D/3dmodel.model", outer), ("3D/Objects/a.model", inner.as_str())];
-    check(MeshFormat::ThreeMf, &zipped(&parts), 1, 0);
-}
-
-#[test]
-fn a_3mf_unpacks_to_no_more_than_its_bounds() {
-    let refused = |attributes: &str, objects: &str, items: &str| {
-        read(MeshFormat::ThreeMf, &model(attributes, objects, items)).unwrap_err().to_string()
-    };
-    // Thirty levels, each with the one before twice: a thousand million meshes.
-    let mut levels = format!(r#"<object id="0">{}</object>"#, mesh_xml(&prism(0)));
-    for level in 1..30 {
-        let inner = format!(r#"<component objectid="{}"/>"#, level - 1).repeat(2);
-        levels += &format!(r#"<object id="{level}"><components>{inner}</components></object>"#);
-    }
-    let refusal = refused("", &levels, "<item objectid=\"29\"/>");
-    assert!(refusal.contains("components deep"), "{refusal}");
-    let refusal = refused("", &levels, &"<item objectid=\"14\"/>".repeat(10));
-    assert!(refusal.contains("instances"), "{refusal}");
-    // A part as long as the bound, packed to a thousandth.
-    let blank = " ".repeat(100_000_000);
-    let parts = ["a.model", "b.model", "3D/3dmodel.model"].map(|name| (name, blank.as_str()));
-    let refusal = read(MeshFormat::ThreeMf, &zipped(&parts)).unwrap_err().to_string();
-    assert!(refusal.contains("256 MB"), "{refusal}");
-    let refusal = refused("", &"<object id=\"1\"/><x/>".repeat(10), "<item objectid=\"7\"/>");
-    assert!(refusal.contains("the object that an item names"), "{refusal}");
-    let refusal = refused("requiredextensions=\"b\" xmlns:b=\"x/beams/1\"", "", "");
-    assert!(refusal.contains("x/beams/1"), "{refusal}");
-    let plain = zipped(&[("mug.stl", "solid")]);
-    let refusal = read(MeshFormat::ThreeMf, &plain).unwrap_err().to_string();
-    assert!(refusal.contains("ZIP archive"), "{refusal}");
 }
 
 #[test]

@@ -3,13 +3,14 @@
 //! A sled that meets a full disk in the middle of a write is unusable until it is opened again,
 //! and may not open. Therefore a reserve stays free, and commits that would need it are refused.
 //! Pure removals may use half of it, and essential commits, such as the revocation of a key,
-//! three quarters.
+//! three quarters. A file holds most of the reserve, so that other programs cannot use it up.
 
 use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::reserve::Reserve;
 use crate::engine::{Commit, EngineError};
 
 /// Bytes of log per byte of a commit, at most: pages are rewritten.
@@ -17,23 +18,36 @@ const LOG_GROWTH: u64 = 4;
 /// Overhead of a commit, bytes.
 const COMMIT_BYTES: u64 = 4096;
 
+/// Bytes that are made free beyond what a write needs. Chosen: eight
+/// segments of sled's log, of 512 KiB each.
+const MARGIN_BYTES: u64 = 4 << 20;
+
 type Probe = dyn Fn(&Path) -> io::Result<u64> + Send + Sync;
 
 /// Source of the number of free bytes at a folder.
 #[derive(Clone)]
-pub struct FreeSpace(Arc<Probe>);
+pub struct FreeSpace {
+    probe: Arc<Probe>,
+    holds_reserve: bool,
+}
 
 impl FreeSpace {
-    /// The operating system's number.
+    /// The operating system's number; a file holds most of the reserve.
     #[must_use]
     pub fn of_disk() -> Self {
-        Self::from_probe(|folder| fs4::available_space(folder))
+        Self::from_probe(|folder| fs4::available_space(folder)).holding_reserve()
     }
 
     /// The number from `probe`, for quotas that the operating system does not know.
     #[must_use]
     pub fn from_probe(probe: impl Fn(&Path) -> io::Result<u64> + Send + Sync + 'static) -> Self {
-        Self(Arc::new(probe))
+        Self { probe: Arc::new(probe), holds_reserve: false }
+    }
+
+    /// The same number; a file holds most of the reserve.
+    #[must_use]
+    pub fn holding_reserve(self) -> Self {
+        Self { holds_reserve: true, ..self }
     }
 }
 
@@ -46,9 +60,10 @@ impl fmt::Debug for FreeSpace {
 /// The disk of a folder, and its reserve.
 #[derive(Clone, Debug)]
 pub(super) struct Room {
-    pub(super) folder: PathBuf,
-    pub(super) free_space: FreeSpace,
+    folder: PathBuf,
+    free_space: FreeSpace,
     pub(super) reserve: u64,
+    held: Option<Arc<Reserve>>,
 }
 
 /// Bytes that a group of commits may still use.
@@ -60,16 +75,57 @@ pub(super) struct Allowance {
 }
 
 impl Room {
-    /// The number of free bytes, if known.
+    /// The disk of `folder`, before the database in it is open: of a held reserve, as much is freed
+    /// as the opening needs.
+    pub(super) fn opening(folder: &Path, free_space: &FreeSpace, reserve: u64) -> Self {
+        let held = free_space.holds_reserve.then(|| Arc::new(Reserve::found(folder, reserve)));
+        let room =
+            Self { folder: folder.to_owned(), free_space: free_space.clone(), reserve, held };
+        room.make_way(reserve / 4);
+        room
+    }
+
+    /// The number of free bytes, those of the held reserve included, if known.
     pub(super) fn free(&self) -> Option<u64> {
-        (self.free_space.0)(&self.folder)
+        Some(self.free_beside()?.saturating_add(self.held.as_ref().map_or(0, |held| held.bytes())))
+    }
+
+    /// The number of free bytes beside the held reserve.
+    fn free_beside(&self) -> Option<u64> {
+        (self.free_space.probe)(&self.folder)
             .inspect_err(|error| tracing::warn!(%error, "Cannot tell how full the disk is"))
             .ok()
     }
 
+    /// Holds the reserve again if there is room for it.
+    pub(super) fn hold(&self) {
+        if let Some(held) = &self.held
+            && let Some(missing) = held.missing()
+            && let Some(free) = self.free_beside()
+            && free.saturating_sub(missing) >= self.reserve
+        {
+            held.grow();
+        }
+    }
+
+    /// Frees what `needed` bytes need of the held reserve.
+    fn make_way(&self, needed: u64) {
+        if let (Some(held), Some(free)) = (&self.held, self.free_beside()) {
+            held.shrink((needed + MARGIN_BYTES).saturating_sub(free));
+        }
+    }
+
     /// The allowance of the next group of commits. A disk of unknown size counts as free.
     pub(super) fn allowance(&self) -> Allowance {
+        self.hold();
         Allowance { free: self.free().unwrap_or(u64::MAX), reserve: self.reserve, taken: 0 }
+    }
+
+    /// Makes the space free that the commits of an allowance took.
+    pub(super) fn make_way_for(&self, allowance: &Allowance) {
+        if allowance.taken > 0 {
+            self.make_way(allowance.taken);
+        }
     }
 }
 

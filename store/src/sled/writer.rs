@@ -107,6 +107,7 @@ impl Writer {
             match order {
                 Order::Commit(commit, answer) => {
                     if gathered.writes.len() + commit.writes.len() > COMMIT_WRITES_MAX {
+                        self.room.make_way_for(&allowance);
                         written = written.and(self.write(gathered));
                         gathered = self.gathered();
                     }
@@ -117,6 +118,7 @@ impl Writer {
             }
         }
         let applied = checked.iter().filter(|(result, _)| result.is_ok()).count();
+        self.room.make_way_for(&allowance);
         let written = written.and(if applied > 0 { self.write(gathered) } else { Ok(()) });
         let flushed = written.and_then(|()| if applied > 0 { self.flush() } else { Ok(()) });
         self.shared.commits.fetch_add(applied as u64, Ordering::Relaxed);

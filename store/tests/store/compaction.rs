@@ -62,7 +62,7 @@ fn files(folder: &Path) -> Vec<String> {
     let names = std::fs::read_dir(folder).unwrap();
     let mut names: Vec<String> =
         names.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
-    names.retain(|name| !["lock", "mark"].contains(&name.as_str()));
+    names.retain(|name| !["lock", "mark", "reserve"].contains(&name.as_str()));
     names.sort();
     names
 }

@@ -113,6 +113,46 @@ fn a_full_disk_refuses_writes_until_space_is_free() {
     assert_eq!(keys, [b"k000003".to_vec()]);
 }
 
+#[test]
+fn another_program_cannot_use_up_the_reserve() {
+    const RESERVE: u64 = 64 << 20;
+    const DISK: u64 = 4 * RESERVE;
+    let folder = TempDir::new().unwrap();
+    let file = folder.path().join("reserve");
+    let held = move || file.metadata().map_or(0, |file| file.len());
+    let others = Arc::new(AtomicU64::new(0));
+    let fill = || others.store(DISK - held(), Ordering::Relaxed);
+    let (counted, held_now) = (Arc::clone(&others), held.clone());
+    let probe =
+        move |_: &Path| Ok(DISK.saturating_sub(counted.load(Ordering::Relaxed) + held_now()));
+    let options = SledOptions {
+        reserve_bytes: RESERVE,
+        free_space: FreeSpace::from_probe(probe).holding_reserve(),
+        ..SledOptions::default()
+    };
+    let engine = SledEngine::open(folder.path(), &options).unwrap();
+    put(&engine, 1);
+    assert_eq!(held(), RESERVE / 4 * 3);
+
+    fill();
+    let refused = engine.commit(Commit::new().put(b"k2".to_vec(), vec![0; 10])).wait();
+    assert!(matches!(refused, Err(CommitError::Engine(EngineError::Full { .. }))), "{refused:?}");
+    assert_eq!(held(), RESERVE / 4 * 3, "nothing was written, so nothing was freed");
+    engine.commit(Commit::new().remove(b"k000001".to_vec())).wait().unwrap();
+    assert!(held() < RESERVE / 4 * 3, "the removal has its space");
+    fill();
+    let commit = Commit::new().put(b"k3".to_vec(), vec![0; 10]);
+    engine.commit(Commit { is_essential: true, ..commit }).wait().unwrap();
+    drop(engine);
+    fill();
+    let engine = SledEngine::open(folder.path(), &options).unwrap();
+    assert!(engine.get(b"k3").unwrap().is_some(), "a start has its space, too");
+
+    others.store(0, Ordering::Relaxed);
+    put(&engine, 4);
+    assert_eq!(held(), RESERVE / 4 * 3);
+}
+
 fn read_all(cut: &mut dyn Cut, mut between: impl FnMut()) -> Vec<Pair> {
     let mut all = Vec::new();
     loop {

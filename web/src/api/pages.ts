@@ -4,14 +4,19 @@ import { getJson } from "./http";
 import { type Resource, useResource } from "./resource";
 import type { Page } from "./types";
 
+/** Number of pages that a list shows at most. */
+const PAGES_MAX = 100;
+
 export interface Pages<T> extends Resource<{ items: T[]; hasMore: boolean }> {
   showMore: () => void;
+  /** Whether more exists than a list shows. */
+  isFull: boolean;
 }
 
 /** The first pages of a list with an id in each item, by the path of its first page. */
 export function usePages<T>(path: string, idOf: (item: T) => string | number, everyMs?: number): Pages<T> {
   const [chosen, choose] = useChoice("pages", "1");
-  const n = Math.max(1, Math.min(100, Number(chosen) || 1));
+  const n = Math.max(1, Math.min(PAGES_MAX, Number(chosen) || 1));
   const list = useResource(`${path} ${n}`, async (signal) => {
     const items = new Map<string | number, T>();
     let cursor: string | null = null;
@@ -24,5 +29,6 @@ export function usePages<T>(path: string, idOf: (item: T) => string | number, ev
     }
     return { items: [...items.values()], hasMore: cursor !== null };
   }, everyMs, path);
-  return { ...list, showMore: () => choose(String(n + 1)) };
+  const isFull = n >= PAGES_MAX && (list.data?.hasMore ?? false);
+  return { ...list, isFull, showMore: () => choose(String(n + 1)) };
 }

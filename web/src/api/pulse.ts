@@ -2,7 +2,7 @@
 import { computed, effect, signal } from "@preact/signals";
 import { now } from "../format";
 
-/** Silence after which the server is probed, whoever looks. */
+/** Silence after which the server is probed, on every page. */
 const PROBE_AFTER_MS = 4000;
 /** A request that has waited this long, while nothing was heard, is reason to probe. */
 const ASKED_MS = 1000;

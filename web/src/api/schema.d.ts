@@ -1904,7 +1904,7 @@ export interface webhooks {
         put?: never;
         /**
          * Receive an event
-         * @description Posted to the URL of a webhook, signed as Standard Webhooks say. Any answer but these is tried again.
+         * @description Posted to the URL of a webhook, signed as Standard Webhooks say. After any other answer the server sends the event again.
          */
         post: operations["receive_webhook_event"];
         delete?: never;
@@ -5948,7 +5948,7 @@ export interface components {
         Storage: {
             /**
              * Format: int64
-             * @description Free bytes of the disk; null if unknown.
+             * @description Free bytes of the disk, those of the held reserve included; null if unknown.
              */
             free_bytes?: number | null;
             /** @description Stored bytes per key, largest first. Removing what a key wrote frees them. */
@@ -7217,7 +7217,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/analyses/covering",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -8323,7 +8323,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/catalogues/{name}/aliases/{alias}",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -8865,7 +8865,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/catalogues/{name}/calibrations",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -9385,7 +9385,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/catalogues/{name}/current",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -9721,7 +9721,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/catalogues/{name}/labels",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -10180,7 +10180,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/catalogues/{name}/merges",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -10519,7 +10519,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/catalogues/{name}/trainings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -14106,7 +14106,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/catalogues/{name}/versions/{version}/shadow",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -15034,7 +15034,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/fleet/acknowledgements",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -15313,7 +15313,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/fleet/closings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -16934,7 +16934,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/keys",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -17622,7 +17622,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/keys/{key}/rotate",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -18133,7 +18133,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/objects",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -18835,7 +18835,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/objects/{object}",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -19151,7 +19151,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/objects/{object}/labels",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -19630,7 +19630,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/objects/{object}/mesh",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -20271,7 +20271,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/objects/{object}/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -21268,7 +21268,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/robots/{robot}",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -22180,7 +22180,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/sensors",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -23366,7 +23366,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/sensors/{sensor}/calibration",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -23782,7 +23782,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/sensors/{sensor}/check",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -24604,7 +24604,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/sensors/{sensor}/commissionings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -25159,7 +25159,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/sensors/{sensor}/labels",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -26239,7 +26239,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/sessions",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -26795,7 +26795,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/sessions/{session}",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -27628,7 +27628,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/sessions/{session}/close",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -28476,7 +28476,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/sessions/{session}/forwarded",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -28817,7 +28817,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/sessions/{session}/labels",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -29175,7 +29175,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/sessions/{session}/lease",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -29982,7 +29982,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/sessions/{session}/next-touches",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -30822,7 +30822,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/sessions/{session}/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -32742,7 +32742,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/webhooks",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -33398,7 +33398,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/webhooks/{webhook}",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
@@ -34306,7 +34306,7 @@ export interface operations {
                 content: {
                     /**
                      * @example {
-                     *       "detail": "the body has more than 32000000 bytes",
+                     *       "detail": "the body is longer than 33.6 MB",
                      *       "errors": [],
                      *       "instance": "/v1/webhooks/{webhook}/rotate",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",

@@ -3,6 +3,7 @@ import { usePages } from "../api/pages";
 import type { AuditEntry } from "../api/types";
 import { plural, when } from "../format";
 import { Filters } from "../parts/Filters";
+import { More } from "../parts/More";
 import { Empty, Show } from "../parts/Notes";
 import { Badge, Panel, ViewHead } from "../parts/Panel";
 import { SearchField } from "../parts/SearchField";
@@ -50,7 +51,7 @@ export function AuditView() {
               <Table label="Audit log" columns={["When", "Who", "Operation", "On", "Outcome", "From"]}>
                 {entries.map((entry) => <Row key={entry.seq} entry={entry} />)}
               </Table>
-              {hasMore && <p class="more"><button type="button" class="small" onClick={list.showMore}>Show more</button></p>}
+              <More of={list} />
             </Panel>
           )
         }

@@ -57,7 +57,7 @@ export function HealthView() {
 
 /** The one word about the state of the server. While it is silent, the last one with its age. */
 function Ready({ of }: { of: Resource<Readiness> }) {
-  // Whoever answers that it is not ready is heard, and what it said before does not count any more.
+  // An answer *not ready* is an answer; the state before it no longer counts.
   const isRefused = of.problem !== undefined && !isUnanswered(of.problem);
   if (!isRefused && of.data === undefined) return null;
   const isReady = !isRefused && of.data!.ready;

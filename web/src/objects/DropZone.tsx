@@ -1,13 +1,12 @@
-// A drop zone for meshes, with a dialog for the unit, which no file format records.
+// A drop zone for meshes, with a dialog for the unit if the format does not record it.
 import { useRef, useState } from "preact/hooks";
 import { ask, sendJson } from "../api/http";
-import type { MeshReport, ObjectInfo } from "../api/types";
+import type { MeshReport, MeshUnit, ObjectInfo } from "../api/types";
 import { count, mm } from "../format";
 import { Dialog } from "../parts/Dialog";
 import { ProblemNote } from "../parts/Notes";
 import { useAction } from "../parts/useAction";
-
-const FORMATS = ["stl", "obj", "ply", "off"];
+import { FORMATS, formatOf, meshQuery, recordsUnit, UNITS } from "./mesh";
 
 interface Props {
   onAdded: () => void;
@@ -41,7 +40,7 @@ export function DropZone({ onAdded, into }: Props) {
       >
         <span>
           <b>{into ? "Replace the mesh" : "Add an object"}</b>
-          <span class="faint"> · drop a mesh here (STL, OBJ, PLY or OFF)</span>
+          <span class="faint"> · drop a mesh here (STL, OBJ, PLY, OFF, GLB or 3MF)</span>
         </span>
         <button type="button" onClick={() => chooser.current?.click()}>
           Choose a file …
@@ -51,7 +50,7 @@ export function DropZone({ onAdded, into }: Props) {
           type="file"
           hidden
           aria-label="Mesh file"
-          accept={FORMATS.map((format) => `.${format}`).join()}
+          accept={FORMATS.map((one) => `.${one}`).join()}
           onChange={(event) => {
             take(event.currentTarget.files);
             event.currentTarget.value = "";
@@ -64,18 +63,17 @@ export function DropZone({ onAdded, into }: Props) {
 }
 
 function MeshDialog({ file, into, onClose, onAdded }: Props & { file: File; onClose: () => void }) {
-  const format = file.name.split(".").pop()?.toLowerCase() ?? "";
+  const format = formatOf(file.name);
   const [name, setName] = useState(into?.name ?? nameOf(file.name));
-  const [unit, setUnit] = useState<"m" | "mm">();
+  const [unit, setUnit] = useState<MeshUnit>();
   const [report, setReport] = useState<MeshReport>();
   const action = useAction();
+  const isKnown = format !== undefined && recordsUnit(format);
   const submit = (event: Event) => {
     event.preventDefault();
-    if (unit === undefined) return;
     action.run(async () => {
       const id = into?.id ?? (await made(name)).id;
-      const query = `unit=${unit}&format=${FORMATS.includes(format) ? format : "stl"}`;
-      const answer = await ask(`/v1/objects/${id}/mesh?${query}`, {
+      const answer = await ask(`/v1/objects/${id}/mesh?${meshQuery(format ?? "stl", unit)}`, {
         method: "PUT",
         headers: { "content-type": "application/octet-stream" },
         body: file,
@@ -91,8 +89,8 @@ function MeshDialog({ file, into, onClose, onAdded }: Props & { file: File; onCl
       ) : (
         <form onSubmit={submit}>
           <p class="faint">{file.name}, {count(file.size)} bytes</p>
-          {!FORMATS.includes(format) && (
-            <p class="note note-warn">The name does not end in .stl, .obj, .ply or .off; it will be read as STL.</p>
+          {format === undefined && (
+            <p class="note note-warn">The name does not end in .stl, .obj, .ply, .off, .glb or .3mf; it will be read as STL.</p>
           )}
           {!into && (
             <div class="field">
@@ -102,18 +100,20 @@ function MeshDialog({ file, into, onClose, onAdded }: Props & { file: File; onCl
               <span class="hint">Letters, digits, “.”, “_” and “-”.</span>
             </div>
           )}
-          <fieldset>
-            <legend>One unit of the file means</legend>
-            {(["mm", "m"] as const).map((one) => (
-              <label key={one}>
-                <input type="radio" name="unit" value={one} required checked={unit === one} onChange={() => setUnit(one)} />
-                {one === "mm" ? "a millimetre (CAD)" : "a metre (robotics)"}
-              </label>
-            ))}
-          </fieldset>
+          {!isKnown && (
+            <fieldset>
+              <legend>One unit of the file means</legend>
+              {UNITS.map(([one, words]) => (
+                <label key={one}>
+                  <input type="radio" name="unit" value={one} required checked={unit === one} onChange={() => setUnit(one)} />
+                  {words}
+                </label>
+              ))}
+            </fieldset>
+          )}
           {action.problem && <ProblemNote problem={action.problem} />}
           <div class="form-end">
-            <button type="submit" class="primary" disabled={action.busy || unit === undefined}>
+            <button type="submit" class="primary" disabled={action.busy || (!isKnown && unit === undefined)}>
               {action.busy ? "Sending …" : into ? "Replace" : "Add"}
             </button>
           </div>

@@ -62,7 +62,7 @@ export function Facts({ of: facts, isWide = false }: { of: [string, ComponentChi
 }
 
 /** A word on a coloured ground; the colour repeats the word's meaning. While the server is silent a state has its
- * age; what `isPast` cannot change any more. */
+ * age. A state that is past has no age. */
 export function Badge({ kind, isPast = kind === "label", children }: { kind: string; isPast?: boolean; children: ComponentChildren }) {
   const since = isPast ? undefined : silentSince.value;
   return <span class={`badge badge-${kind}${isPast ? " badge-past" : ""}`}>{children}{since !== undefined && `, ${age(now.value - since)} ago`}</span>;

@@ -1,13 +1,13 @@
 // What each reading changed, the readings that disagree, and the retraction of one.
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
-import type { SessionReading } from "../api/types";
+import type { Session, SessionReading } from "../api/types";
 import { bitsColor, decimal, percent, signedBits } from "../format";
 import { Loading, ProblemNote } from "../parts/Notes";
 import { Badge, Panel } from "../parts/Panel";
 import { useAction } from "../parts/useAction";
 import { may } from "../signin";
-import { counts } from "./content";
+import { counts, hasLooseBase } from "./content";
 import { type ColorBy, PUT_BACK, type SessionModel } from "./model";
 
 interface Props {
@@ -99,7 +99,7 @@ export function ExplainPanel({ model, selected, select }: Props) {
                           Retract …
                         </button>
                       )}
-                      {!one && <Retracted reading={reading} readings={model.readings.value}>
+                      {!one && <Retracted reading={reading} readings={model.readings.value} session={model.session.value}>
                         {mayChange && <button type="button" class="small" disabled={action.busy} onClick={() => action.run(() => model.putBack(reading))}>Put back</button>}
                       </Retracted>}
                     </td>
@@ -120,13 +120,17 @@ const COLORED: Record<ColorBy, string> = {
   fit: "how well each reading fits the others",
 };
 
-/** What became of a retracted reading. */
-function Retracted({ reading, readings, children }: { reading: SessionReading; readings: SessionReading[]; children: ComponentChildren }) {
+/** What became of a retracted reading. One of a robot with a loose base cannot be put back: it would be taken as exact. */
+function Retracted({ reading, readings, session, children }: {
+  reading: SessionReading; readings: SessionReading[]; session: Session | undefined; children: ComponentChildren;
+}) {
   const again = readings.find((one) => one.robot === PUT_BACK && one.seq === reading.number);
   return (
     <>
       <Badge kind="seen" isPast>{again ? `put back as ${again.number + 1}` : "retracted"}</Badge>
-      {again === undefined && children}
+      {again === undefined && (hasLooseBase(session, reading)
+        ? <span class="faint">cannot be put back: the base of its robot is loose</span>
+        : children)}
     </>
   );
 }

@@ -1,5 +1,5 @@
 // Content of the session's scene: the likeliest object, ghosts, touches and suggested approaches.
-import type { Belief, NextTouch, Sensor, SessionReading, Truth } from "../api/types";
+import type { Belief, NextTouch, Sensor, Session, SessionReading, Truth } from "../api/types";
 import { objectColor } from "../colors";
 import { bitsColor } from "../format";
 import type { ApproachMark, Body, Content, Shape, TouchMark } from "../scene/content";
@@ -79,6 +79,11 @@ function trueBody({ truth, shapes }: Seen): Body[] {
 export function counts(reading: SessionReading, revision: number): boolean {
   const withdrawn = reading.retracted_by;
   return reading.number < revision && !(typeof withdrawn === "number" && withdrawn <= revision);
+}
+
+/** Whether the base of a reading's robot is only known roughly in the session's frame. */
+export function hasLooseBase(session: Session | undefined, reading: SessionReading): boolean {
+  return session?.robots?.some(({ robot }) => robot === reading.robot) ?? false;
 }
 
 function touches({ readings, revision, tints, sensors, layers }: Seen): TouchMark[] {

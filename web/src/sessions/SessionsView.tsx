@@ -5,6 +5,7 @@ import type { Session } from "../api/types";
 import { plural, shortId, when } from "../format";
 import { TouchCommands } from "../parts/Commands";
 import { csv, save } from "../parts/save";
+import { More } from "../parts/More";
 import { Empty, ProblemNote, Show } from "../parts/Notes";
 import { Badge, Panel, ViewHead } from "../parts/Panel";
 import { Table } from "../parts/Table";
@@ -57,9 +58,7 @@ export function SessionsView() {
               <Table label="Sessions" columns={[["Choose to compare", "hidden"], "Session", "Answer", "Truth", "Robots", ["Readings", "num"], "Method", "Labels", "Began"]}>
                 {sessions.map((session) => <Row key={session.id} session={session} chosen={chosen.includes(session.id)} toggle={toggle} />)}
               </Table>
-              {hasMore && (
-                <p class="more"><button type="button" class="small" onClick={list.showMore}>Show more</button></p>
-              )}
+              <More of={list} />
             </Panel>
           )
         }

@@ -1,7 +1,7 @@
 // What a session's page shows of what it has heard.
 import assert from "node:assert/strict";
 import { beforeEach, test } from "node:test";
-import { counts } from "../../src/session/content.ts";
+import { counts, hasLooseBase } from "../../src/session/content.ts";
 import { fromPrior, SessionModel, stepOf } from "../../src/session/model.ts";
 import { wouldTeach } from "../../src/session/NextTouch.tsx";
 import { closer, identities } from "../../src/session/posterior.ts";
@@ -34,6 +34,13 @@ test("a reading counts from its arrival to its retraction", () => {
   // The reading with number 3 is the fourth, and makes revision 4.
   assert.deepEqual([3, 4, 5, 6, 7].map((revision) => counts(reading, revision)), [false, true, true, false, false]);
   assert.equal(counts({ number: 3, retracted_by: null }, 100), true);
+});
+
+test("a loose base is that of a robot which the session lists", () => {
+  const session = { robots: [{ robot: "arm-1", base: { position_m: 0.1, angle_rad: 1 } }] };
+  assert.deepEqual(["arm-1", "arm-2", null].map((robot) => hasLooseBase(session, { robot })), [true, false, false]);
+  assert.equal(hasLooseBase({ robots: null }, { robot: "arm-1" }), false);
+  assert.equal(hasLooseBase(undefined, { robot: "arm-1" }), false);
 });
 
 const reading = (number, bits, fit) => ({ number, bits, fit_bits: fit });

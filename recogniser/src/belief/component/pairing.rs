@@ -12,8 +12,9 @@ use crate::propose::partners::in_turn;
 use crate::propose::proposals::PairEvidence;
 
 impl Component {
-    /// The first pair proposes poses of all objects, or of the candidates.
-    pub(super) fn propose_by_first_pair(&mut self, common: &Common) {
+    /// The first pair proposes poses of all objects, or of the candidates. Returns whether it was
+    /// looked up in the joint table.
+    pub(super) fn propose_by_first_pair(&mut self, common: &Common) -> bool {
         let shares = self.retrieve(common, &[0]);
         let n = shares.as_ref().map(|_| {
             let budget = &common.options.budget;
@@ -23,6 +24,7 @@ impl Component {
         let least = n.map(|n| retrieval_bar(&self.objects, n));
         let scope = Scope::of_first_pair(&self.objects, least, &common.options);
         self.propose(common, &asked, &scope);
+        shares.is_some()
     }
 
     /// Counts the place of the newest touch. Returns the share of its pair with the first touch
@@ -39,14 +41,15 @@ impl Component {
         }
     }
 
-    /// The evidence of a later pair, as far as the touches before were of one place.
-    pub(super) fn weigh_another_pair(&mut self, common: &Common) {
-        if let Some(share) = self.count_place() {
-            self.objects.iter_mut().for_each(|object| object.pair = PairEvidence::default());
-            self.propose_by_first_pair(common);
-            self.weigh_pair(common, share);
-            self.weigh(common);
-        }
+    /// The evidence of a later pair, as far as the touches before were of one place. Returns
+    /// whether the pair of the first and the newest touch was looked up in the joint table.
+    pub(super) fn weigh_another_pair(&mut self, common: &Common) -> bool {
+        let Some(share) = self.count_place() else { return false };
+        self.objects.iter_mut().for_each(|object| object.pair = PairEvidence::default());
+        let asked = self.propose_by_first_pair(common);
+        self.weigh_pair(common, share);
+        self.weigh(common);
+        asked
     }
 
     /// The evidence of the first and the newest touch: the density of stored pairs like theirs,

@@ -50,7 +50,7 @@ fn an_unsteady_touch_proposes_nothing_once_poses_are_good() {
         let hypotheses = if is_known { vec![hypothesis] } else { Vec::new() };
         let known = ObjectBelief { hypotheses, ..ObjectBelief::new(0.0) };
         component.conclude(Stage::Poses, vec![known, ObjectBelief::new(0.0)], Places::default());
-        component.propose_in_doubt(&common, true);
+        component.propose_in_doubt(&common, true, false);
         let best = component.objects[1].hypotheses.first();
         best.is_some_and(|h| error(h.rotation, h.translation, &some_pose(5)).0 < 0.003)
     };
@@ -88,7 +88,7 @@ fn a_rejected_object_keeps_no_other_from_the_search() {
         let common = Common::new(model, options, None).unwrap();
         let mut component = component_of(&common);
         assert!(!component.is_poor(&common));
-        component.propose_in_doubt(&common, true);
+        component.propose_in_doubt(&common, true, false);
         let best = component.objects[1].hypotheses.first();
         best.is_some_and(|h| error(h.rotation, h.translation, &some_pose(5)).0 < 0.003)
     };
@@ -212,4 +212,25 @@ fn a_drifting_component_discounts_earlier_touches() {
     // Half at 10 mm, which is the amplitude.
     assert!((weights(&drifting)[0] - 0.5).abs() < 1e-6 && weights(&drifting)[1] > 1.0 - 1e-6);
     assert!(drifting.explained().motion.is_unannounced());
+}
+
+#[test]
+fn the_pair_with_the_first_touch_counts_once() {
+    let all = objects(40, 60);
+    let common = common(&all);
+    let first = &all[2][3];
+    let beside = Touch { position: first.position + 0.004 * DVec3::X, ..first.clone() };
+    let mut component = Component::new(Motion::Rest, &common);
+    let mut scores = Vec::new();
+    for place in [first, &beside, &all[2][50]] {
+        scores = component.objects.iter().map(|object| object.retrieval_score).collect();
+        let touch = seen(place, &some_pose(5)).weighed(&component.touches, None);
+        component.add(&common, &Observed { touch: Some(touch), spaces: Vec::new() }, true);
+    }
+    let mut expected = common.objects();
+    retrieve(&mut expected, &common.model, &component.touches, &[0, 1], &common.options).unwrap();
+    for ((object, before), expected) in component.objects.iter().zip(scores).zip(expected) {
+        let gain = object.retrieval_score - before;
+        assert!((gain - expected.retrieval_score).abs() < 1e-9, "{gain} {expected:?}");
+    }
 }

@@ -167,7 +167,7 @@ mod tests {
         let mut belief = SurfaceBelief::new(model, SurfaceOptions::default(), None).unwrap();
         for place in places(n, 2) {
             let touch: Observation = seen(&place, &some_pose(5));
-            let touch = touch.weighed(belief.rest.explained().touches);
+            let touch = touch.weighed(belief.rest.explained().touches, None);
             let observed = Observed { touch: Some(touch), spaces: Vec::new() };
             belief.rest.add(&belief.common, &observed, true);
         }

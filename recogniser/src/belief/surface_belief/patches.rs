@@ -17,7 +17,7 @@ impl SurfaceBelief {
         self.n_readings += 1;
         let (space, scale) = (&self.common.model.space, &self.common.options.scale);
         let touch = Observation::new(&touch, self.anchor, space, scale).with_own_tool();
-        let touch = touch.weighed(self.rest.explained().touches);
+        let touch = touch.weighed(self.rest.explained().touches, None);
         let observed = Observed { touch: Some(touch), spaces: Vec::new() };
         self.rest.add(&self.common, &observed, true);
     }

@@ -69,7 +69,7 @@ fn spent_pieces_take_turns_and_give_their_seats_up() {
     for id in ids {
         assert!(!turns.done(id, None), "its thread has no seat");
     }
-    assert!(greedy.iter().all(goes_on), "what has ended holds nobody");
+    assert!(greedy.iter().all(goes_on), "ended work delays no other");
 }
 
 #[test]

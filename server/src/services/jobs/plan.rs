@@ -89,19 +89,23 @@ impl Jobs {
     ) -> Result<(), Cause> {
         let asked = (training.readings_per_object, training.surface_readings_per_object);
         let [n, n_of_surface] = mesh_touches(asked.0, asked.1).map(u64::from);
-        let n_touches = if training.surface.unwrap_or(false) { n.max(n_of_surface) } else { n };
+        let is_for_surface = training.surface.unwrap_or(false) && n_of_surface > n;
+        let n_touches = if is_for_surface { n_of_surface } else { n };
         let n_taxels = |sensor: &Sensor| sensor.description.grid().n_taxels() as u64;
         let sensor = self.sensors.get(training.sensor.as_deref().unwrap_or_default())?;
-        let touched = Load { n_readings: n_touches, n_taxels: n_taxels(&sensor) };
+        let touched = Load { n_readings: n_touches, n_values: n_taxels(&sensor) };
         let mut loads = Vec::new();
         for object in objects {
             let journal = self.store.training();
             let first = journal.entry(object, 0)?.map(|entry| entry.event);
             loads.push(match first {
-                Some(Event::Reading(first)) => Load {
-                    n_readings: journal.len(object)?,
-                    n_taxels: n_taxels(&*self.sensors.get(&first.sensor.to_string())?),
-                },
+                Some(Event::Reading(first)) => {
+                    let sensor = self.sensors.get(&first.sensor.to_string())?;
+                    // The features of an object are equally long.
+                    let n_features = first.feature.map_or(0, |feature| feature.len() as u64);
+                    let n_values = n_taxels(&sensor) + n_features;
+                    Load { n_readings: journal.len(object)?, n_values }
+                }
                 _ => touched,
             });
         }
@@ -109,17 +113,19 @@ impl Jobs {
         if bytes <= max {
             return Ok(());
         }
-        let field = match (request.surface_readings_per_object, request.readings_per_object) {
+        let (of_all, of_surface) =
+            (request.readings_per_object, request.surface_readings_per_object);
+        let field = match is_for_surface {
             _ if !loads.contains(&touched) => "/objects",
-            (Some(_), _) => "/surface_readings_per_object",
-            (None, Some(_)) => "/readings_per_object",
-            (None, None) => "/objects",
+            true if of_surface.is_some() => "/surface_readings_per_object",
+            false if of_all.is_some() => "/readings_per_object",
+            _ => "/objects",
         };
         let (n_objects, has, max) = (loads.len(), megabytes(bytes), megabytes(max));
         let detail = format!(
-            "{n_objects} objects with these readings and taxels would take about {has} of memory, \
-             expected at most {max}: train fewer readings, or fewer objects at a time (`extend`), or \
-             start the server with `--training-memory-mb`"
+            "{n_objects} objects with these readings, taxels and features would take about {has} of \
+             memory, expected at most {max}: train fewer readings, or fewer objects at a time \
+             (`extend`), or start the server with `--training-memory-mb`"
         );
         Err(Cause::field(field, detail))
     }

@@ -114,6 +114,10 @@ impl Keys {
             if is_due || is_wanted || self.store.clock_jumped(now_ms()) {
                 if let Err(error) = self.store_time().await {
                     tracing::warn!(%error, "Cannot store the time");
+                    // What has just ended must stay so.
+                    if is_wanted {
+                        self.want_time();
+                    }
                 }
                 stored = Some(Instant::now());
             }

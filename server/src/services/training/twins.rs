@@ -1,38 +1,51 @@
 //! One object under two names, which touch can never tell apart.
 
+use std::collections::BTreeMap;
+
 use palpate_store::error::StoreError;
 use uuid::Uuid;
 
 use super::material::Material;
 use super::{Plan, Sources};
 
-/// The names of every two objects of a training with equal meshes or readings. Objects of an
-/// extended version count if a file of theirs is equal byte for byte.
+/// The names of the first two objects of a training with equal meshes or readings, and the number
+/// of such pairs. Objects of an extended version count if a file of theirs is equal byte for byte.
 pub(super) fn twins(
     plan: &Plan,
     materials: &[Material],
     sources: &Sources<'_>,
-) -> Result<Vec<[String; 2]>, StoreError> {
-    let mut found = Vec::new();
-    for (at, one) in materials.iter().enumerate() {
-        let twins = materials[at + 1..].iter().filter(|other| are_equal(one, other));
-        found.extend(twins.map(|other| [one.object.name.clone(), other.object.name.clone()]));
-    }
-    let Some(base) = &plan.base else { return Ok(found) };
-    let file = |id: Uuid| {
-        let info = sources.store.meshes().info(id)?;
-        Ok::<_, StoreError>(info.map(|info| (info.hash, info.unit)))
+) -> Result<Option<([String; 2], usize)>, StoreError> {
+    let (mut first, mut n_pairs) = (None, 0);
+    let mut count = |names: [&str; 2], n: usize| {
+        first.get_or_insert_with(|| names.map(str::to_owned));
+        n_pairs += n;
     };
-    for one in materials.iter().filter(|one| one.has_mesh()) {
-        let its = file(one.object.id)?;
+    for (at, one) in materials.iter().enumerate() {
+        for other in materials[at + 1..].iter().filter(|other| are_equal(one, other)) {
+            count([&one.object.name, &other.object.name], 1);
+        }
+    }
+    if let Some(base) = &plan.base {
+        let file = |id: Uuid| {
+            let info = sources.store.meshes().info(id)?;
+            Ok::<_, StoreError>(info.map(|info| (info.hash, info.unit as u8)))
+        };
+        // The first name of each file, and the number of objects with it.
+        let mut known: BTreeMap<([u8; 32], u8), (&str, usize)> = BTreeMap::new();
         let is_new = |id: Uuid| materials.iter().any(|material| material.object.id == id);
-        for known in base.reports.iter().filter(|known| !is_new(known.id)) {
-            if its.is_some() && file(known.id)? == its {
-                found.push([known.name.clone(), one.object.name.clone()]);
+        for report in base.reports.iter().filter(|report| !is_new(report.id)) {
+            if let Some(file) = file(report.id)? {
+                known.entry(file).or_insert((&report.name, 0)).1 += 1;
+            }
+        }
+        for one in materials.iter().filter(|one| one.has_mesh()) {
+            let same = file(one.object.id)?.and_then(|file| known.get(&file));
+            if let Some((name, n)) = same {
+                count([name, &one.object.name], *n);
             }
         }
     }
-    Ok(found)
+    Ok(first.map(|names| (names, n_pairs)))
 }
 
 fn are_equal(one: &Material, other: &Material) -> bool {

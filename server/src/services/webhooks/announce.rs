@@ -232,9 +232,10 @@ impl Webhooks {
     /// repeated event skips webhooks whose history may have evicted it.
     fn deliveries_of(&self, event: Event, is_repeated: bool) -> Vec<Delivery> {
         let (now, Event { id, kind, at_ms, caused_by, data }) = (now_ms(), event);
+        let share = (kind, caused_by);
         let is_new = |known: &&Known| {
             let is_known = known.entries.contains_key(&id);
-            let was_known = is_repeated && known.may_have_evicted(kind, id);
+            let was_known = is_repeated && known.may_have_evicted(share, id);
             known.takes(kind, at_ms, now) && !is_known && !was_known
         };
         let takers: Vec<Uuid> = self.read(|registry| {
@@ -251,7 +252,6 @@ impl Webhooks {
             count_end("too_large");
             return Vec::new();
         }
-        let share = (kind, caused_by);
         takers.iter().map(|hook| pending(*hook, id, share, now, || body.clone())).collect()
     }
 

@@ -102,11 +102,11 @@ impl Known {
         self.webhook.is_enabled && self.webhook.events.contains(&kind)
     }
 
-    /// Whether an event is older than everything of its kind in a full history, which may have
+    /// Whether an event is older than everything of its share in a full history, which may have
     /// evicted it.
-    pub(super) fn may_have_evicted(&self, kind: EventKind, event: Uuid) -> bool {
+    pub(super) fn may_have_evicted(&self, share: Share, event: Uuid) -> bool {
         let is_full = self.entries.len() >= DELIVERIES_MAX;
-        let mut alike = self.entries.iter().filter(|(_, entry)| entry.share.0 == kind);
+        let mut alike = self.entries.iter().filter(|(_, entry)| entry.share == share);
         is_full && alike.next().is_some_and(|(oldest, _)| event < *oldest)
     }
 
@@ -234,14 +234,15 @@ mod tests {
         };
         let all = (1..=DELIVERIES_MAX as u128).map(|event| (event, state(event), None));
         let mut full = known(all);
-        let kind = EventKind::SessionDecided;
-        assert_eq!(full.next_evicted((kind, None)).unwrap().0, Uuid::from_u128(2));
-        assert!(full.may_have_evicted(kind, Uuid::from_u128(0)));
-        assert!(!full.may_have_evicted(kind, Uuid::from_u128(1000)));
-        assert!(!full.may_have_evicted(EventKind::TrainingFinished, Uuid::from_u128(0)));
+        let share = (EventKind::SessionDecided, None);
+        assert_eq!(full.next_evicted(share).unwrap().0, Uuid::from_u128(2));
+        assert!(full.may_have_evicted(share, Uuid::from_u128(0)));
+        assert!(!full.may_have_evicted(share, Uuid::from_u128(1000)));
+        let other = (EventKind::TrainingFinished, None);
+        assert!(!full.may_have_evicted(other, Uuid::from_u128(0)));
         full.entries.remove(&Uuid::from_u128(9));
-        assert!(full.next_evicted((kind, None)).is_none());
-        assert!(!full.may_have_evicted(kind, Uuid::from_u128(0)));
+        assert!(full.next_evicted(share).is_none());
+        assert!(!full.may_have_evicted(share, Uuid::from_u128(0)));
     }
 
     /// Adds a delivery that waits, as `add` does.
@@ -282,6 +283,22 @@ mod tests {
                 assert!(it.entries.contains_key(&Uuid::from_u128(event)), "{share:?} by {flood:?}");
             }
         }
+    }
+
+    /// A key floods a webhook that has an older event of another key.
+    #[test]
+    fn events_that_a_key_displaced_itself_stay_away() {
+        let [mine, others] =
+            [7, 8].map(|key| (EventKind::TrainingFinished, Some(Uuid::from_u128(key))));
+        let mut it = known([]);
+        push(&mut it, 1, others);
+        (2..500).for_each(|event| push(&mut it, event, mine));
+        let gone: Vec<u128> =
+            (2..500).filter(|event| !it.entries.contains_key(&Uuid::from_u128(*event))).collect();
+        assert_eq!(gone.len(), 299);
+        let stays_away = |event: &u128| it.may_have_evicted(mine, Uuid::from_u128(*event));
+        assert!(gone.iter().all(stays_away), "{gone:?}");
+        assert!(!stays_away(&500));
     }
 
     #[test]

@@ -292,7 +292,9 @@ async fn set_the_scene(
         None
     } else {
         let trainer_key = key(&admin, &url, "learner", "trainer").await?;
-        Some(second::set(&admin, trainer_key, &url, &material.indentations).await?)
+        let admin_key = key(&admin, &url, "keeper-of-hooks", "admin").await?;
+        let keys = [trainer_key, admin_key];
+        Some(second::set(&admin, keys, &url, &material.indentations).await?)
     };
     let long_session = teach(&teacher, &toucher, &url, material).await?;
     let refused = client_with(&foes[0].viewer_key)?;

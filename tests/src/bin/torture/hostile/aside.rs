@@ -246,7 +246,8 @@ async fn full_disk(
     Ok(found)
 }
 
-/// 21: a page of another site reaches a server without keys.
+/// 21 and 2.15: a page of another site, or of the same name by another scheme, reaches a server
+/// without keys.
 async fn foreign_names(place: &Place) -> anyhow::Result<Aside> {
     let mut found = Aside::new("another_sites_page", 21);
     let serving = place.serve(&place.data(), Access::Open, &[])?;
@@ -255,8 +256,11 @@ async fn foreign_names(place: &Place) -> anyhow::Result<Aside> {
         let get = || http.get(format!("{}{path}", serving.url));
         let rebound = answer(get().header(HOST, FOREIGN)).await;
         found.expect(rebound.refused() == Some(403), || format!("{path}: {rebound:?}"));
-        let crossed = answer(get().header(ORIGIN, format!("http://{FOREIGN}"))).await;
-        found.expect(crossed.refused() == Some(403), || format!("{path}: {crossed:?}"));
+        for origin in [format!("http://{FOREIGN}"), serving.url.replace("http:", "file:")] {
+            let crossed = answer(get().header(ORIGIN, &origin)).await;
+            let otherwise = || format!("{path} from {origin}: {crossed:?}");
+            found.expect(crossed.refused() == Some(403), otherwise);
+        }
     }
     serving.kill()?;
     Ok(found)

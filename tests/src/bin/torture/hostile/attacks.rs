@@ -47,7 +47,7 @@ pub(super) enum Attack {
     SessionsAndStreams,
     /// 17: a key in place of a path.
     KeyInPath,
-    /// 2.1: methods that nobody knows, as labels of metrics.
+    /// 2.1: unknown methods, as labels of metrics.
     InventedMethods,
     /// 2.2: lists whose items weigh more in memory than on the wire.
     Nothings,
@@ -67,10 +67,12 @@ pub(super) enum Attack {
     LargeTraining,
     /// 2.13: streams that follow many sessions.
     WideStreams,
+    /// 2.15: a second host, and tunnels in addresses of webhooks.
+    Disguised,
 }
 
 impl Attack {
-    pub(super) const ALL: [Self; 22] = [
+    pub(super) const ALL: [Self; 23] = [
         Self::Computation,
         Self::UnreadAnswers,
         Self::HalfOpen,
@@ -93,6 +95,7 @@ impl Attack {
         Self::Packages,
         Self::LargeTraining,
         Self::WideStreams,
+        Self::Disguised,
     ];
 
     /// Whether the attack is of a review; of any without one.
@@ -125,6 +128,7 @@ impl Attack {
             Self::Packages => ("sensor_packages", "2.11"),
             Self::LargeTraining => ("large_trainings", "2.12"),
             Self::WideStreams => ("wide_streams", "2.13"),
+            Self::Disguised => ("disguised_requests", "2.15"),
         }
     }
 }
@@ -193,6 +197,7 @@ pub(super) async fn attack(what: Attack, foe: &Foe, prey: &Prey) -> Vec<String> 
         Attack::Packages => second::packages(foe).await,
         Attack::LargeTraining => second::large_training(foe, prey).await,
         Attack::WideStreams => second::wide_streams(foe, prey).await,
+        Attack::Disguised => second::disguised(foe, prey).await,
     }
 }
 

@@ -1,5 +1,9 @@
 //! The attacks of the second review, each of which once worked: what a stranger can make grow,
 //! lists of nothings, costs that no count shows, and a second way in.
+//!
+//! Not here: 2.7, a clock that jumps (`server/tests/clock.rs`), and 2.14, another program that uses
+//! up the disk's reserve (`another_program_cannot_use_up_the_reserve` in
+//! `store/tests/store/keeping.rs`).
 
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::PoisonError;
@@ -35,7 +39,7 @@ const HEARD_PATIENCE: Duration = Duration::from_secs(90);
 /// Name of the sensor with many calibrations.
 const PAD: &str = "pad-of-many";
 
-/// Sends methods that nobody knows, over one connection.
+/// Sends unknown methods over one connection.
 pub(super) async fn invented_methods(foe: &Foe) -> Vec<String> {
     let padding = "M".repeat(PADDING);
     let mut connection: Option<TcpStream> = None;
@@ -252,19 +256,56 @@ pub(super) async fn wide_streams(foe: &Foe, prey: &Prey) -> Vec<String> {
     rest(foe).await
 }
 
+/// Sends requests with a second `Host`, and webhooks whose address contains that of a cloud's
+/// metadata (ISATAP).
+pub(super) async fn disguised(foe: &Foe, prey: &Prey) -> Vec<String> {
+    let Some(set) = &prey.set else { return Vec::new() };
+    let hook = json!({"url": "http://[::5efe:a9fe:a9fe]/", "events": ["session.decided"]});
+    let hook = hook.to_string();
+    let disguises = [
+        ("GET /v1/sessions", "Host: localhost\r\nHost: evil.example", ""),
+        ("POST /v1/webhooks", "Host: localhost", hook.as_str()),
+    ];
+    let mut worked = Vec::new();
+    while foe.goes_on() {
+        for (asked, fields, body) in disguises {
+            foe.count();
+            tokio::time::sleep(Duration::from_millis(5)).await;
+            let said = format!(
+                "{asked} HTTP/1.1\r\n{fields}\r\nAuthorization: Bearer {}\r\nConnection: close\r\n\
+                 Content-Type: application/json\r\nContent-Length: {}\r\n\r\n{body}",
+                set.admin_key,
+                body.len()
+            );
+            let Some(mut stream) = foe.connect(foe.address()).await else { continue };
+            let mut status = [0; 12];
+            let answered = async {
+                stream.write_all(said.as_bytes()).await?;
+                stream.read_exact(&mut status).await
+            };
+            let answered = tokio::time::timeout(Duration::from_secs(3), answered).await;
+            if matches!(answered, Ok(Ok(_))) && status.starts_with(b"HTTP/1.1 2") {
+                worked.push(format!("was let in: {asked} with {fields} {body}"));
+            }
+        }
+    }
+    worked
+}
+
 /// Everything that these attacks need before they begin.
 pub(super) struct Set {
     pub(super) trainer: Client,
+    pub(super) admin_key: String,
     pub(super) large_sensor: String,
     pub(super) version_hash: String,
     /// Whether the receiver of webhooks heard of the training in `washed`.
     pub(super) heard: std::sync::Arc<AtomicBool>,
 }
 
-/// Makes sensors, a webhook with a slow receiver, and a trainer's key.
+/// Makes sensors and a webhook with a slow receiver; the keys are those of attackers.
 pub(super) async fn set(
     admin: &Client,
-    trainer_key: String,
+    [trainer_key, admin_key]: [String; 2],
     url: &str,
     indentations: &Value,
 ) -> anyhow::Result<Set> {
@@ -286,7 +327,7 @@ pub(super) async fn set(
     }
     let large = json!({"name": "wide-skin", "description": {"grid": {"rows": 64, "cols": 64,
         "pitch": 0.001, "taxel_width": 0.0009}, "covering_thickness": 0.00254,
-        "saturation": 20_000.0}});
+        "saturation": 20_000.0, "noise": 100.0, "quantisation": 78.125}});
     let large = post(&trainer, "/v1/sensors".to_owned(), large).await?;
     let package = format!("{url}/v1/catalogues/default/versions/1/package");
     let package = send(admin, Method::GET, package, None).await.done().unwrap_or_default();
@@ -299,6 +340,7 @@ pub(super) async fn set(
     post(admin, "/v1/webhooks".to_owned(), webhook).await?;
     Ok(Set {
         trainer,
+        admin_key,
         large_sensor: large["name"].as_str().unwrap_or_default().to_owned(),
         version_hash: package["hash"].as_str().unwrap_or_default().to_owned(),
         heard,
