@@ -123,6 +123,7 @@ impl Door {
             };
             // Answers are small: waiting to fill a packet costs 40 ms each.
             let _ = stream.set_nodelay(true);
+            end_unread(&stream, self.patience.answer);
             let peer = Peer { address, place: self.connections.place(address.ip()) };
             let tls = self.tls.as_ref().map(|tls| Arc::clone(&tls.borrow()));
             under_way.spawn(attend(stream, peer, tls, desk.clone()));
@@ -136,6 +137,18 @@ impl Door {
 async fn stop(mut stopping: watch::Receiver<bool>) {
     // Without a sender the server is gone, which is a stop as well.
     let _ = stopping.wait_for(|stopping| *stopping).await;
+}
+
+/// Lets the system end a connection whose reader takes nothing of an answer for this time. `pace`
+/// sees only what the system's buffers do not hold; a short answer lies in them whole.
+fn end_unread(stream: &TcpStream, answer: Duration) {
+    #[cfg(target_os = "linux")]
+    {
+        let milliseconds = u32::try_from(answer.as_millis()).unwrap_or(u32::MAX);
+        let _ = rustix::net::sockopt::set_tcp_user_timeout(stream, milliseconds);
+    }
+    #[cfg(not(target_os = "linux"))]
+    let _ = (stream, answer);
 }
 
 /// Pauses when the system refuses a connection.

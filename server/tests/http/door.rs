@@ -274,6 +274,35 @@ async fn unread_answers_are_bounded_and_released() {
     drop(unread);
 }
 
+#[cfg(target_os = "linux")]
+#[tokio::test(flavor = "multi_thread")]
+async fn short_unread_answers_release_their_connections() {
+    let patience = Duration::from_secs(1);
+    let it = Harness::start_with(|config| {
+        config.patience.answer = patience;
+        config.patience.idle = 10 * LONG;
+    })
+    .await;
+    it.post("/v1/objects", &json!({"name": "cube"})).await.expect(201);
+    let mesh = format!("{}{}", off_box(CUBE), format!("# {}\n", "x".repeat(1000)).repeat(64));
+    it.put_mesh("cube", &mesh).await.expect(200);
+    let request = "GET /v1/objects/cube/mesh HTTP/1.1\r\nHost: localhost\r\n\r\n";
+    let mut unread = Vec::new();
+    for _ in 0..8 {
+        // Less than the answer, which then waits in the server's half of the connection.
+        let socket = TcpSocket::new_v4().unwrap();
+        socket.set_recv_buffer_size(4096).unwrap();
+        let mut stream = socket.connect(it.server.local_addr()).await.unwrap();
+        stream.write_all(request.as_bytes()).await.unwrap();
+        unread.push(stream);
+    }
+    tokio::time::sleep(5 * patience).await;
+    for stream in unread {
+        let said = rest(stream).await;
+        assert!(said.len() < mesh.len(), "the server waited with {} bytes", said.len());
+    }
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn silent_connections_do_not_block_tls() {
     let (files, data) = (TempDir::new().unwrap(), TempDir::new().unwrap());
