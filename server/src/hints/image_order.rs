@@ -6,7 +6,7 @@ use palpate_schemas::{Warning, WarningCode};
 /// Number of touches from which the warning is given. Chosen: as for a shifted sensor.
 const TOUCHES_MIN: usize = 6;
 /// Least ln of the likelihoods' ratio. Chosen: 1 in 400; sixty sessions with images in order gave
-/// nothing above 0 (`recogniser/tests/image_doubt.rs`).
+/// nothing above 0 (`recogniser/tests/beliefs/image_doubt.rs`).
 const LOG_RATIO_MIN: f64 = 6.0;
 
 /// The warning, if another order is clearly likelier.

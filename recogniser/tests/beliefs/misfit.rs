@@ -1,9 +1,5 @@
 //! How readings lie on an object: what an explanation shows about each.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
-mod ellipsoids;
-
 use glam::{DQuat, DVec3};
 use palpate_core::object::ObjectIdx;
 use palpate_core::pose::Pose;
@@ -11,7 +7,7 @@ use palpate_core::reading::Reading;
 use palpate_core::units::MM;
 use palpate_recogniser::belief::{Misfit, SurfaceBelief};
 
-use ellipsoids::*;
+use crate::ellipsoids::*;
 
 const OBJECT: usize = 1;
 

@@ -1,9 +1,5 @@
 //! The surface recogniser on analytic objects: ellipsoids with varying contacts, no simulator.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
-mod ellipsoids;
-
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
@@ -21,7 +17,7 @@ use palpate_recogniser::observe::touch::observe_touch;
 use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::SAME_PLACE;
 
-use ellipsoids::*;
+use crate::ellipsoids::*;
 
 #[test]
 fn unseen_touches_name_the_object_and_its_place() {

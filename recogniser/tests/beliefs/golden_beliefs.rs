@@ -6,10 +6,7 @@
 //! and `ln` differ between machines. `GOLDEN=exact` also compares every bit of the numbers and the
 //! hash (on the machine that recorded them); `GOLDEN=update` records anew.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 #![allow(clippy::disallowed_methods, reason = "recording anew writes the file when told to")]
-
-mod ellipsoids;
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -28,7 +25,7 @@ use palpate_recogniser::next_touch::{NextTouchOptions, rank};
 use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::{SurfaceConfig, map_surface};
 
-use ellipsoids::*;
+use crate::ellipsoids::*;
 
 const MOTION: Looseness = Looseness { position: 2.5 * MM, angle: 0.05 };
 

@@ -1,10 +1,6 @@
 //! Contacts without an image: recognition by positions and normals, by positions alone, and
 //! beside presses.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
-mod ellipsoids;
-
 use glam::DVec3;
 use palpate_core::object::ObjectIdx;
 use palpate_core::pose::Pose;
@@ -14,7 +10,7 @@ use palpate_core::rng::{Purpose, Stream};
 use palpate_core::units::MM;
 use palpate_recogniser::belief::SurfaceBelief;
 
-use ellipsoids::*;
+use crate::ellipsoids::*;
 
 const POSITION: f64 = 1.0 * MM;
 const NORMAL: f64 = 0.1;
@@ -93,7 +89,7 @@ fn presses_and_contacts_add_up_and_resume_alike() {
     let contacts = contacts(2, &pose, 4, true, 9);
     let sensor = six_by_six();
     let mut belief = belief();
-    let mut resumed = ellipsoids::belief();
+    let mut resumed = belief();
     for (index, contact) in contacts.iter().enumerate() {
         belief.add_contact(contact);
         resumed.retrace_contact(contact);

@@ -1,9 +1,5 @@
 //! Objects that move while they are touched, and robots with wrong bases.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
-mod ellipsoids;
-
 use glam::{DQuat, DVec3};
 use palpate_core::belief::answer::Answer;
 use palpate_core::object::ObjectIdx;
@@ -14,7 +10,7 @@ use palpate_core::units::MM;
 use palpate_recogniser::belief::{NotCheckpoint, SurfaceBelief};
 use palpate_recogniser::options::SurfaceOptions;
 
-use ellipsoids::{MODEL, N_OBJECTS, belief, recognise, six_by_six, some_pose, touches};
+use crate::ellipsoids::{MODEL, N_OBJECTS, belief, recognise, six_by_six, some_pose, touches};
 
 /// Standard deviations of the objects' motion between touches.
 const MOTION: Looseness = Looseness { position: 2.5 * MM, angle: 0.05 };

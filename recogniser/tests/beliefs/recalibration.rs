@@ -1,9 +1,5 @@
 //! Recalibration from sessions whose object is known. Analytic objects, no simulator.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
-mod ellipsoids;
-
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
@@ -18,7 +14,7 @@ use palpate_recogniser::belief::{PastSession, SurfaceBelief};
 use palpate_recogniser::model::{CalibrationBasis, EvidenceCalibration, SurfaceModel};
 use palpate_recogniser::options::SurfaceOptions;
 
-use ellipsoids::*;
+use crate::ellipsoids::*;
 
 /// Readings of `n` sessions, eight touches each, whose sensor is off by `noise` (m) along each axis
 /// in every touch; with the object of each.

@@ -1,7 +1,5 @@
 //! Ellipsoids with varying contacts: analytic objects for tests of the recogniser.
 
-#![allow(dead_code, reason = "each test program uses a part of it")]
-
 use std::sync::{Arc, LazyLock};
 
 use glam::{DMat3, DQuat, DVec3};

@@ -1,10 +1,6 @@
 //! Stated pose priors: they help, touches overrule them, and they say nothing by themselves.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
-mod ellipsoids;
-
-use ellipsoids::{MODEL, N_OBJECTS, belief, six_by_six, some_pose, touches};
+use crate::ellipsoids::{MODEL, N_OBJECTS, belief, six_by_six, some_pose, touches};
 use glam::{DQuat, DVec3};
 use palpate_core::object::ObjectIdx;
 use palpate_core::pose::Pose;

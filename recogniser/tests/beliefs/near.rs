@@ -2,10 +2,6 @@
 //! a jump on the way (equations R2 and R17a). A sensor that stays feels new places of an object
 //! that moves.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
-mod ellipsoids;
-
 use glam::DVec3;
 use palpate_core::object::ObjectIdx;
 use palpate_core::pose::Pose;
@@ -16,7 +12,7 @@ use palpate_recogniser::next_touch::{NextTouchOptions, rank};
 use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::pose_prior::{PoseHypothesis, PosePrior};
 
-use ellipsoids::*;
+use crate::ellipsoids::*;
 
 /// Largest change of a probability over 0.1 mm.
 const JUMP: f64 = 0.06;

@@ -1,10 +1,6 @@
 //! Calibration of the surface recogniser's probabilities, for any size of catalogue and any data
 //! of calibration. Analytic objects, no simulator.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
-mod ellipsoids;
-
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -18,7 +14,7 @@ use palpate_recogniser::model::{CalibrationBasis, EvidenceCalibration, SurfaceMo
 use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::{SurfaceConfig, map_surface};
 
-use ellipsoids::*;
+use crate::ellipsoids::*;
 
 /// Probabilities after each of `n` touches of an object, "none of these" last.
 fn stated(

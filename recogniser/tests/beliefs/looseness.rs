@@ -1,9 +1,5 @@
 //! Presses by sensors whose passport says that their poses are loose. Analytic objects.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
-mod ellipsoids;
-
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
@@ -13,7 +9,7 @@ use palpate_core::units::MM;
 use palpate_recogniser::belief::SurfaceBelief;
 use palpate_recogniser::options::SurfaceOptions;
 
-use ellipsoids::*;
+use crate::ellipsoids::*;
 
 /// Mean of −ln probability of the true object and of P("none of these") after eight touches that
 /// are off by `noise` (m) along each axis and state a looseness.

@@ -1,9 +1,5 @@
 //! Images in another order than stated: found from the stretches of a session's touches.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
-mod ellipsoids;
-
 use std::sync::Arc;
 
 use palpate_core::belief::answer::{ImageDoubt, LikelierOrder};
@@ -13,7 +9,7 @@ use palpate_core::sensor::{ImageOrder, SensorParameters};
 use palpate_recogniser::belief::SurfaceBelief;
 use palpate_recogniser::options::SurfaceOptions;
 
-use ellipsoids::*;
+use crate::ellipsoids::*;
 
 /// What ten touches of each of some sessions say, sent in another order than the server knows.
 fn doubts(order: ImageOrder, n: usize) -> Vec<Option<ImageDoubt>> {
