@@ -1,6 +1,6 @@
 //! Options of the recogniser: deviations, tolerances, the scale of the score, and budgets.
 //!
-//! Every number here is in the table of constants of `docs/recogniser.md`.
+//! Every number here is in the table of `docs/constants.md`.
 
 use palpate_core::reading::Looseness;
 use palpate_core::units::MM;

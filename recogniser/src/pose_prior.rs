@@ -1,6 +1,6 @@
 //! A camera's word: what is known of the object and its pose before the first touch.
 //!
-//! Equations R32 to R35 of docs/recogniser.md. A session states it once; touches may overrule it.
+//! Equations R32 to R35 of docs/camera-model.md. A session states it once; touches may overrule it.
 
 use glam::DVec3;
 use nalgebra::{Matrix3, Matrix6};

@@ -1,4 +1,5 @@
-//! The table of constants of `docs/recogniser.md` against the code: none is missing, none differs.
+//! The pages of the model against the code: no constant is missing and none differs, and every
+//! operation and every cited equation exists.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -12,9 +13,8 @@ fn root() -> PathBuf {
 
 /// The table: rows of symbol, value, unit, file, name, and origin.
 fn in_the_table() -> (Constants, Vec<String>) {
-    let text = std::fs::read_to_string(root().join("docs/recogniser.md")).unwrap();
-    let table = text.split("## Constants").nth(1).unwrap();
-    let rows = table.lines().filter(|line| line.starts_with("| ") && line.contains(".rs` |"));
+    let text = std::fs::read_to_string(root().join("docs/constants.md")).unwrap();
+    let rows = text.lines().filter(|line| line.starts_with("| ") && line.contains(".rs` |"));
     let (mut constants, mut origins) = (Constants::new(), Vec::new());
     for row in rows {
         let cells: Vec<&str> = row.trim_matches('|').split('|').map(str::trim).collect();
@@ -136,9 +136,57 @@ fn every_constant_says_where_it_comes_from() {
     }
 }
 
+/// The equations: the page of the model, and that of a camera's word.
+fn model() -> String {
+    let pages = ["docs/recogniser.md", "docs/camera-model.md"];
+    pages.map(|page| std::fs::read_to_string(root().join(page)).unwrap()).concat()
+}
+
+/// The rows of the table of operations: equations, and places `file.rs::function` of the code.
+fn operations() -> Vec<(Vec<String>, Vec<(PathBuf, String)>)> {
+    let text = model();
+    let table = text.split("## Operations").nth(1).unwrap().split("\n## ").next().unwrap();
+    let row = |line: &str| {
+        let cells: Vec<&str> = line.trim_matches('|').split('|').map(str::trim).collect();
+        let [_, equations, code] = cells[..] else { panic!("a row of {} cells", cells.len()) };
+        let mut file = PathBuf::new();
+        let places = code.split(", ").map(|place| {
+            let (path, function) = place.trim_matches('`').split_once("::").unwrap();
+            if !path.is_empty() {
+                let is_ours = !path.contains("/src/");
+                file = root().join(if is_ours { "recogniser/src" } else { "" }).join(path);
+            }
+            (file.clone(), function.to_owned())
+        });
+        let places = places.collect();
+        (equations.split(", ").map(str::to_owned).collect(), places)
+    };
+    table.lines().filter(|line| line.contains(".rs::")).map(row).collect()
+}
+
+#[test]
+fn every_operation_is_in_the_code_and_every_equation_an_operation() {
+    let operations = operations();
+    for (file, function) in operations.iter().flat_map(|(_, places)| places) {
+        let text = std::fs::read_to_string(file).unwrap_or_default();
+        let found = [format!("fn {function}("), format!("fn {function}<")];
+        let is_there = found.iter().any(|form| text.contains(form));
+        assert!(is_there, "{} has no function {function}", file.display());
+    }
+    let stated: Vec<&str> =
+        operations.iter().flat_map(|(equations, _)| equations).map(String::as_str).collect();
+    for part in model().split("(R").skip(1) {
+        let Some((number, _)) = part.split_once(')') else { continue };
+        let digits = number.trim_end_matches(|c: char| c.is_ascii_lowercase());
+        let is_number = !digits.is_empty() && digits.chars().all(|c| c.is_ascii_digit());
+        let is_stated = stated.contains(&format!("R{number}").as_str());
+        assert!(!is_number || is_stated, "R{number} is in no row of the operations");
+    }
+}
+
 #[test]
 fn the_code_cites_equations_that_the_document_has() {
-    let document = std::fs::read_to_string(root().join("docs/recogniser.md")).unwrap();
+    let document = model();
     let mut cited = BTreeMap::new();
     for path in sources(&root().join("recogniser/src")) {
         let text = std::fs::read_to_string(&path).unwrap();

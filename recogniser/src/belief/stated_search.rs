@@ -1,5 +1,5 @@
 //! Poses from a stated prior: what it says of the objects after one and two touches, and the poses
-//! that it proposes. Equations R35 and R36 of docs/recogniser.md.
+//! that it proposes. Equations R35 and R36 of docs/camera-model.md.
 //!
 //! A hypothesis is turned in a few fixed ways within its covariance. In each of them every patch
 //! that faces the way of the newest touch is laid onto it: the place of the object follows, and

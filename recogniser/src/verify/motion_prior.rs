@@ -95,7 +95,7 @@ impl MotionPrior {
     }
 
     /// ln of the stated prior of a pose; 0 without a statement. Equation R33 of
-    /// docs/recogniser.md.
+    /// docs/camera-model.md.
     pub(crate) fn log_stated(&self, pose: &InversePose) -> f32 {
         let of = |stated: &StatedOf| stated.prior.log_density(stated.object, pose);
         self.stated.as_ref().map_or(0.0, of)

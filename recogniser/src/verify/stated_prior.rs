@@ -1,6 +1,6 @@
 //! The density of a stated pose prior: a camera's word beside the uniform prior.
 //!
-//! Equations R32 and R33 of docs/recogniser.md. All densities are ratios to the uniform prior: a
+//! Equations R32 and R33 of docs/camera-model.md. All densities are ratios to the uniform prior: a
 //! place anywhere in the workspace volume, turned any way. So no statement is 1, ln 0.
 
 use std::f64::consts::TAU;
@@ -170,7 +170,7 @@ impl StatedPrior {
     }
 
     /// ln p(T | o) of an object, relative to the uniform prior. Equation R33 of
-    /// docs/recogniser.md.
+    /// docs/camera-model.md.
     pub(crate) fn log_density(&self, object: usize, pose: &InversePose) -> f32 {
         let share = self.statement.objects[object];
         let is_inside = self.holds(pose.translation);

@@ -10,7 +10,7 @@ use crate::verify::stated_prior::{StatedPrior, Statement};
 
 impl SurfaceBelief {
     /// The belief before any reading with a statement about the object and its pose. Equation R32
-    /// of docs/recogniser.md.
+    /// of docs/camera-model.md.
     ///
     /// # Errors
     /// [`PosePriorError`] when the statement does not fit the catalogue.
