@@ -142,15 +142,20 @@ fn model() -> String {
     pages.map(|page| std::fs::read_to_string(root().join(page)).unwrap()).concat()
 }
 
-/// The rows of the table of operations: equations, and places `file.rs::function` of the code.
-fn operations() -> Vec<(Vec<String>, Vec<(PathBuf, String)>)> {
+/// A row of the table of operations: its equations, and its functions with their files.
+struct Operation {
+    equations: Vec<String>,
+    functions: Vec<(PathBuf, String)>,
+}
+
+fn operations() -> Vec<Operation> {
     let text = model();
     let table = text.split("## Operations").nth(1).unwrap().split("\n## ").next().unwrap();
     let row = |line: &str| {
         let cells: Vec<&str> = line.trim_matches('|').split('|').map(str::trim).collect();
         let [_, equations, code] = cells[..] else { panic!("a row of {} cells", cells.len()) };
         let mut file = PathBuf::new();
-        let places = code.split(", ").map(|place| {
+        let functions = code.split(", ").map(|place| {
             let (path, function) = place.trim_matches('`').split_once("::").unwrap();
             if !path.is_empty() {
                 let is_ours = !path.contains("/src/");
@@ -158,23 +163,23 @@ fn operations() -> Vec<(Vec<String>, Vec<(PathBuf, String)>)> {
             }
             (file.clone(), function.to_owned())
         });
-        let places = places.collect();
-        (equations.split(", ").map(str::to_owned).collect(), places)
+        let functions = functions.collect();
+        Operation { equations: equations.split(", ").map(str::to_owned).collect(), functions }
     };
     table.lines().filter(|line| line.contains(".rs::")).map(row).collect()
 }
 
 #[test]
-fn every_operation_is_in_the_code_and_every_equation_an_operation() {
+fn every_operation_is_in_the_code_with_its_equations() {
     let operations = operations();
-    for (file, function) in operations.iter().flat_map(|(_, places)| places) {
+    for (file, function) in operations.iter().flat_map(|operation| &operation.functions) {
         let text = std::fs::read_to_string(file).unwrap_or_default();
         let found = [format!("fn {function}("), format!("fn {function}<")];
         let is_there = found.iter().any(|form| text.contains(form));
         assert!(is_there, "{} has no function {function}", file.display());
     }
     let stated: Vec<&str> =
-        operations.iter().flat_map(|(equations, _)| equations).map(String::as_str).collect();
+        operations.iter().flat_map(|row| &row.equations).map(String::as_str).collect();
     for part in model().split("(R").skip(1) {
         let Some((number, _)) = part.split_once(')') else { continue };
         let digits = number.trim_end_matches(|c: char| c.is_ascii_lowercase());

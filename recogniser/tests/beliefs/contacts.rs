@@ -89,7 +89,7 @@ fn presses_and_contacts_add_up_and_resume_alike() {
     let contacts = contacts(2, &pose, 4, true, 9);
     let sensor = six_by_six();
     let mut belief = belief();
-    let mut resumed = belief();
+    let mut resumed = crate::ellipsoids::belief();
     for (index, contact) in contacts.iter().enumerate() {
         belief.add_contact(contact);
         resumed.retrace_contact(contact);
