@@ -10,6 +10,7 @@ mod fair;
 mod house;
 mod load;
 mod numbers;
+mod pages;
 mod lists;
 mod serving;
 #[cfg(feature = "otlp")]
