@@ -104,7 +104,13 @@ async function checkLoaded(name) {
   assert.equal(axes.length, 2 * charts, `both axes of the charts of ${name} have labels`);
   for (const axis of axes) assert.match(axis, /\((mm|kPa|%|bit|number)\)$/, `an axis of ${name} has its unit`);
   await page.setViewportSize({ width: 390, height: 844 });
-  await page.clock.runFor(300);
+  // The browser says when it has another width; the page's clock runs only here.
+  const unfolded = page.locator("details.filters-fold[open]");
+  for (let tries = 0; tries < 100; tries += 1) {
+    await page.clock.runFor(300);
+    if ((await unfolded.count()) === 0) break;
+    await new Promise((resolve) => setTimeout(resolve, 100));
+  }
   await checkWidth(page, `${name} on a phone`);
   const phone = await page.evaluate(() => ({
     head: document.querySelector(".top").getBoundingClientRect().height,
