@@ -72,14 +72,14 @@ pub struct Patience {
 
 impl Default for Patience {
     /// Chosen: a handshake and headers take well under a second on any network of robots; an
-    /// idle connection outlives the minute between two touches; a reader that takes nothing
-    /// for half a minute is gone.
+    /// idle connection outlives the seconds between two touches, and is free within a minute;
+    /// a reader that takes nothing for half a minute is gone.
     fn default() -> Self {
         let seconds = Duration::from_secs;
         Self {
             handshake: seconds(10),
             headers: seconds(10),
-            idle: seconds(75),
+            idle: seconds(45),
             body: seconds(10),
             answer: seconds(30),
         }

@@ -3,21 +3,25 @@
 //!
 //! The requests of a session take turns at its state, and few may wait. Without the limit,
 //! robots that all touch in one session could take every request slot of the server, and
-//! requests of other sessions would be refused.
+//! requests of other sessions would be refused. One request of each client may always wait, so
+//! that those who read a session cannot refuse its robot.
 
-use std::collections::VecDeque;
-use std::sync::Arc;
+use std::collections::{HashMap, VecDeque};
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex as Lock, MutexGuard as Locked, PoisonError};
 
 use palpate_schemas as wire;
-use tokio::sync::{Mutex, MutexGuard, Semaphore};
+use tokio::sync::{Mutex, MutexGuard};
 
 use super::LiveError;
 use super::folding::Memory;
+use crate::asker::Asker;
+use crate::client::Client;
 
 /// Number of answers remembered for repeated readings.
 const ANSWERS_MAX: usize = 64;
-/// Maximum number of requests that wait for their turn at one session.
+/// Number of requests that wait for their turn at one session, above which a client may have
+/// only one.
 const WAITING_MAX: usize = 32;
 
 /// What one request at a time uses: the belief, and answers for repeated requests.
@@ -47,23 +51,51 @@ impl State {
 }
 
 /// A value that one request at a time uses.
+#[derive(Default)]
 pub(super) struct Turns<T> {
     state: Mutex<T>,
-    places: Semaphore,
+    /// Number of waiting requests of each client that has any.
+    waiting: Lock<HashMap<Option<Client>, usize>>,
 }
 
-impl<T: Default> Default for Turns<T> {
-    fn default() -> Self {
-        Self { state: Mutex::default(), places: Semaphore::new(WAITING_MAX) }
+/// A place among the requests that wait.
+struct Place<'a, T> {
+    turns: &'a Turns<T>,
+    client: Option<Client>,
+}
+
+impl<T> Drop for Place<'_, T> {
+    fn drop(&mut self) {
+        let mut waiting = self.turns.waiting();
+        if let Some(n) = waiting.get_mut(&self.client) {
+            *n -= 1;
+            if *n == 0 {
+                waiting.remove(&self.client);
+            }
+        }
     }
 }
 
 impl<T> Turns<T> {
-    /// Waits for a turn, if there is a waiting slot.
+    /// Waits for a turn, if there is a waiting place.
     pub(super) async fn take(&self) -> Result<MutexGuard<'_, T>, LiveError> {
-        let _place =
-            self.places.try_acquire().map_err(|_| LiveError::Busy { waiting: WAITING_MAX })?;
+        let _place = self.place(Asker::current().client())?;
         Ok(self.state.lock().await)
+    }
+
+    fn place(&self, client: Option<Client>) -> Result<Place<'_, T>, LiveError> {
+        let mut waiting = self.waiting();
+        let total: usize = waiting.values().sum();
+        let own = waiting.entry(client).or_default();
+        if total >= WAITING_MAX && *own > 0 {
+            return Err(LiveError::Busy { waiting: total });
+        }
+        *own += 1;
+        Ok(Place { turns: self, client })
+    }
+
+    fn waiting(&self) -> Locked<'_, HashMap<Option<Client>, usize>> {
+        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Waits for a turn without a limit, for work that must be done, such as ending the session.
@@ -141,16 +173,22 @@ mod tests {
                 tokio::spawn(async move { *turns.take().await.unwrap() += 1 })
             })
             .collect();
-        while turns.places.available_permits() > 0 {
+        let n_waiting = || turns.waiting().values().sum::<usize>();
+        while n_waiting() < WAITING_MAX {
             tokio::task::yield_now().await;
         }
         let refused = turns.take().await.map(|_| ());
         assert!(matches!(refused, Err(LiveError::Busy { waiting: WAITING_MAX })));
+        let other = Some(Client::Key(uuid::Uuid::nil()));
+        let place = turns.place(other).unwrap();
+        assert!(turns.place(other).is_err(), "one request of each other client");
+        drop(place);
         drop(first);
         for one in waiting {
             one.await.unwrap();
         }
         assert_eq!(*turns.take().await.unwrap(), WAITING_MAX as u32);
+        assert_eq!(n_waiting(), 0);
     }
 
     #[test]
