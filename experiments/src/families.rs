@@ -231,7 +231,12 @@ mod tests {
     fn a_thin_parent_has_a_large_family_too() {
         let is_thin = |object: &TestObject| object.name == "screwdriver";
         let parent = built_in().into_iter().find(is_thin).unwrap();
-        assert_eq!(families(vec![parent], 16, 101).unwrap().len(), 16);
+        let found = families(vec![parent], 16, 101).unwrap();
+        assert_eq!(found.len(), 16);
+        let shapes: Vec<_> = found.iter().skip(1).map(|one| signature(&one.mesh)).collect();
+        for (index, shape) in shapes.iter().enumerate() {
+            assert!(shapes[..index].iter().all(|other| difference(shape, other) >= DIFFERENT));
+        }
     }
 
     #[test]

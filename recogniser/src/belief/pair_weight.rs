@@ -29,7 +29,8 @@ pub(super) fn pair_evidence(pair: &PairEvidence, usual: f32) -> f64 {
 }
 
 /// Density of a pair of touches anywhere, on the scale of equation R10: as if the stored pairs
-/// were of two touches anywhere in the workspace. Part of equation R36.
+/// were of two touches anywhere in the workspace. Equation R36c of
+/// docs/camera-model.md.
 pub(super) fn density_anywhere(touches: [&Observation; 2], options: &SurfaceOptions) -> f64 {
     let distance = f64::from(touches[0].position.distance(touches[1].position));
     let volume = f64::from(options.scale.workspace);

@@ -67,7 +67,8 @@ impl Placement {
         self.own
     }
 
-    /// Placement after `moves` moves of the object by `motion` each.
+    /// Placement after `moves` moves of the object by `motion` each. Equation R14a of
+    /// docs/recogniser.md.
     pub(crate) fn after(self, moves: usize, motion: &Looseness) -> Self {
         let (position, angle) = variances(motion);
         Self { moved: (moves as f32 * position, moves as f32 * angle), ..self }

@@ -86,12 +86,18 @@ async fn a_server_with_a_certificate_speaks_tls_and_stops_gracefully() {
     let late = tokio::spawn(late.send());
     let arrived = "palpate_occupied{resource=\"bodies\"} 9";
     let metrics = format!("{address}/metrics");
-    loop {
-        let seen = client.get(&metrics).bearer_auth(&key).send().await.unwrap();
-        if seen.text().await.unwrap().lines().any(|line| line == arrived) {
-            break;
+    let is_here = async {
+        loop {
+            let seen = client.get(&metrics).bearer_auth(&key).send().await.unwrap();
+            if seen.text().await.unwrap().lines().any(|line| line == arrived) {
+                break;
+            }
+            tokio::time::sleep(Duration::from_millis(10)).await;
         }
-    }
+    };
+    tokio::time::timeout(Duration::from_secs(60), is_here)
+        .await
+        .expect("the body's first bytes arrive");
     let stopping = tokio::spawn(server.shutdown());
     sender.send(Ok(b"\"mug\"}".to_vec())).await.unwrap();
     drop(sender);
