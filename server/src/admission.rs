@@ -3,9 +3,9 @@
 //!
 //! Each of five budgets has a total and a share for each client: bytes of bodies that have
 //! arrived and of the values that they become, requests under way, event streams, snapshots, and
-//! bytes of unread answers. A request takes its slot once its body has arrived, so a body that is only
-//! announced takes none. A client over a limit is asked to retry later. Health checks and metrics
-//! are always answered: an overloaded server must not look dead.
+//! bytes of unread answers. A request takes its slot when its body is complete: announcing a body
+//! costs nothing. A client over a limit is refused, with `Retry-After` where waiting helps.
+//! Health checks and metrics are always answered: an overloaded server must not look dead.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -41,8 +41,8 @@ impl Admission {
         }
     }
 
-    /// Reserves an event stream of `n` sessions or jobs for the lifetime of the holding. Every event
-    /// is written for every follower, so each of them counts.
+    /// Reserves an event stream of `n` sessions or jobs for the lifetime of the holding. Every
+    /// event is written for every follower, so each of them counts.
     pub(crate) fn stream(&self, client: Option<Client>, n: usize) -> Result<Holding, LoadError> {
         self.streams.take(client, n).map_err(|over| match over {
             Over::Total => LoadError::StreamsFull { open: self.streams.total() },

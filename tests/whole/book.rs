@@ -2,9 +2,10 @@
 //! figure of the page exists, and no part of the dissertation is without a row.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
 
 use serde_json::Value;
+
+use crate::root;
 
 mod parts;
 
@@ -15,10 +16,6 @@ struct Row {
     where_: String,
     result: String,
     commands: BTreeMap<String, String>,
-}
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().to_owned()
 }
 
 fn page() -> String {

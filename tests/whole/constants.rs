@@ -4,12 +4,10 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use crate::root;
+
 /// Value by place: the file under `recogniser/src`, then the constant or the field of a default.
 type Constants = BTreeMap<(String, String), String>;
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().to_owned()
-}
 
 /// The table: rows of symbol, value, unit, file, name, and origin.
 fn in_the_table() -> (Constants, Vec<String>) {

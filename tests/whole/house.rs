@@ -9,6 +9,7 @@ mod imports;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
+use crate::root;
 use imports::{Import, circle, declared, imports, is_test, only_declares, product};
 
 /// Layers of crates: a crate may use only crates of lower layers.
@@ -84,10 +85,6 @@ const CRATES: [&str; 13] = [
 
 /// The longest name of a test, in characters.
 const NAME_MAX: usize = 60;
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().to_owned()
-}
 
 fn sources(folder: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();

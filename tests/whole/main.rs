@@ -18,3 +18,8 @@ mod spans;
 mod story;
 mod stranger;
 mod torture;
+
+/// The repository's folder.
+fn root() -> std::path::PathBuf {
+    std::path::Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().to_owned()
+}

@@ -1,13 +1,11 @@
 //! Files and folders that the pages name, against the repository: each exists.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
+
+use crate::root;
 
 /// Folders without files of the repository.
 const FOREIGN: [&str; 4] = ["target", ".git", "node_modules", "__pycache__"];
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().to_owned()
-}
 
 /// All files below a folder, relative to the root, with a `/` before.
 fn files(folder: &Path, found: &mut Vec<String>) {

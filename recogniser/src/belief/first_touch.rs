@@ -3,7 +3,8 @@
 use super::object::{ObjectBelief, for_each_object};
 use crate::verify::evidence::Evidence;
 
-/// Weighs the objects by the first touch's appearance at their first patches, at most `patches_max`.
+/// Weighs the objects by the first touch's appearance at their first patches, at most
+/// `patches_max`.
 pub(super) fn weigh_appearance(
     objects: &mut [ObjectBelief],
     evidence: &Evidence<'_>,

@@ -1,5 +1,5 @@
-//! The density of a pair of touches over the poses that a hypothesis states. Equations R36, R36a and
-//! R36b of docs/camera-model.md.
+//! The density of a pair of touches over the poses that a hypothesis states. Equations R36, R36a
+//! and R36b of docs/camera-model.md.
 //!
 //! Every patch is laid onto one touch, place onto place and about normal onto normal. So the
 //! integral over places and over both angles of the normal is exact. What is left of the rotation

@@ -6,13 +6,11 @@ use std::sync::Arc;
 use glam::DVec3;
 use palpate_core::reading::Reading;
 use palpate_core::rng::{Purpose, Stream};
-use palpate_core::training::TrainingSet;
 use palpate_recogniser::belief::SurfaceBelief;
 use palpate_recogniser::belief::calibrate::{HeldBack, calibrate};
 use palpate_recogniser::model::SurfaceMap;
 use palpate_recogniser::model::{CalibrationBasis, EvidenceCalibration, SurfaceModel};
 use palpate_recogniser::options::SurfaceOptions;
-use palpate_recogniser::train::{SurfaceConfig, map_surface};
 
 use crate::ellipsoids::*;
 
@@ -129,14 +127,7 @@ fn unknown_of(model: &Arc<SurfaceModel>, objects: std::ops::Range<usize>, n: usi
 
 /// A catalogue of the first `n` ellipsoids.
 fn ellipsoids(n: usize) -> Arc<SurfaceModel> {
-    let sensor = six_by_six();
-    let map = |index| {
-        let readings = touches_of(index, 150, 1);
-        let set = TrainingSet { readings: &readings, sensor: &sensor };
-        let config = SurfaceConfig::default();
-        Arc::new(map_surface(&set, &MODEL.space, &config, Some(DVec3::ZERO)).unwrap())
-    };
-    with_maps((0..n).map(map))
+    with_maps((0..n).map(|index| map_of(&touches_of(index, 150, 1))))
 }
 
 /// The model calibrated on fifteen unseen touches of each object.

@@ -10,7 +10,7 @@ use palpate_core::sensor::SensorDescription;
 use palpate_core::training::TrainingSet;
 use palpate_core::units::MM;
 use palpate_recogniser::belief::SurfaceBelief;
-use palpate_recogniser::model::{EvidenceCalibration, SurfaceModel};
+use palpate_recogniser::model::{EvidenceCalibration, SurfaceMap, SurfaceModel};
 use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::{SurfaceConfig, learn_space, map_surface};
 
@@ -88,4 +88,11 @@ pub(crate) fn recognise(object: usize, session_from_object: Pose, n: usize) -> S
 pub(crate) fn some_pose(index: u64) -> Pose {
     let mut stream = Stream::new(3, Purpose::ObjectPose, index);
     Pose::from_parts(stream.rotation(), 0.5 * stream.direction())
+}
+
+/// The map of an object, in the appearance space of [`MODEL`].
+pub(crate) fn map_of(readings: &[Reading]) -> Arc<SurfaceMap> {
+    let set = TrainingSet { readings, sensor: &six_by_six() };
+    let config = SurfaceConfig::default();
+    Arc::new(map_surface(&set, &MODEL.space, &config, Some(DVec3::ZERO)).unwrap())
 }

@@ -16,14 +16,12 @@ use glam::{DQuat, DVec3};
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Base, Looseness, Reading, SensorId};
 use palpate_core::rng::{Purpose, Stream};
-use palpate_core::training::TrainingSet;
 use palpate_core::units::MM;
 use palpate_recogniser::belief::SurfaceBelief;
 use palpate_recogniser::belief::calibrate::{HeldBack, calibrate};
 use palpate_recogniser::model::SurfaceModel;
 use palpate_recogniser::next_touch::{NextTouchOptions, rank};
 use palpate_recogniser::options::SurfaceOptions;
-use palpate_recogniser::train::{SurfaceConfig, map_surface};
 
 use crate::ellipsoids::*;
 
@@ -69,13 +67,7 @@ fn one_of_many(index: usize, n: usize, seed: u64) -> Vec<Reading> {
 
 /// Enough ellipsoids that candidates are retrieved from the joint pair table.
 fn many() -> Arc<SurfaceModel> {
-    let sensor = six_by_six();
-    let map = |index| {
-        let readings = one_of_many(index, 150, 1);
-        let set = TrainingSet { readings: &readings, sensor: &sensor };
-        let config = SurfaceConfig::default();
-        Arc::new(map_surface(&set, &MODEL.space, &config, Some(DVec3::ZERO)).unwrap())
-    };
+    let map = |index| map_of(&one_of_many(index, 150, 1));
     Arc::new(MODEL.with_maps((0..70).map(map).collect()))
 }
 

@@ -24,6 +24,15 @@ async fn connect(address: SocketAddr, said: &str) -> TcpStream {
     stream
 }
 
+/// Like `connect`, with a small window: an answer waits on the server's side.
+async fn connect_narrow(address: SocketAddr, said: &str) -> TcpStream {
+    let socket = TcpSocket::new_v4().unwrap();
+    socket.set_recv_buffer_size(4096).unwrap();
+    let mut stream = socket.connect(address).await.unwrap();
+    stream.write_all(said.as_bytes()).await.unwrap();
+    stream
+}
+
 /// All bytes of a connection until it is closed.
 async fn rest(mut stream: TcpStream) -> String {
     let mut said = Vec::new();
@@ -240,12 +249,7 @@ async fn unread_answers_are_bounded_and_released() {
     let request = "GET /v1/objects/cube/mesh HTTP/1.1\r\nHost: localhost\r\n\r\n";
     let mut unread = Vec::new();
     for _ in 0..6 {
-        // A small window, so that the system does not buffer the answer.
-        let socket = TcpSocket::new_v4().unwrap();
-        socket.set_recv_buffer_size(4096).unwrap();
-        let mut stream = socket.connect(it.server.local_addr()).await.unwrap();
-        stream.write_all(request.as_bytes()).await.unwrap();
-        unread.push(stream);
+        unread.push(connect_narrow(it.server.local_addr(), request).await);
     }
     // Each has its head when all have arrived: the first ones fill the space, the others are refused.
     let mut heads = Vec::new();
@@ -289,12 +293,7 @@ async fn short_unread_answers_release_their_connections() {
     let request = "GET /v1/objects/cube/mesh HTTP/1.1\r\nHost: localhost\r\n\r\n";
     let mut unread = Vec::new();
     for _ in 0..8 {
-        // Less than the answer, which then waits in the server's half of the connection.
-        let socket = TcpSocket::new_v4().unwrap();
-        socket.set_recv_buffer_size(4096).unwrap();
-        let mut stream = socket.connect(it.server.local_addr()).await.unwrap();
-        stream.write_all(request.as_bytes()).await.unwrap();
-        unread.push(stream);
+        unread.push(connect_narrow(it.server.local_addr(), request).await);
     }
     tokio::time::sleep(5 * patience).await;
     for stream in unread {

@@ -3,7 +3,8 @@
 //! A commit that needs more takes something out first, or raises the figure here and says why.
 
 use super::imports::{is_test, product};
-use super::{root, sources};
+use super::sources;
+use crate::root;
 
 /// Largest number of product lines in a folder: lines with code, without tests. Chosen: as many as
 /// there were, rounded up to 50.

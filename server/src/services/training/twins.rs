@@ -9,7 +9,7 @@ use super::material::Material;
 use super::{Plan, Sources};
 
 /// The names of the first two objects of a training with equal meshes or readings, and the number
-/// of such pairs. Objects of an extended version count if a file of theirs is equal byte for byte.
+/// of such pairs. Objects of an extended version are compared by their mesh files, byte for byte.
 pub(super) fn twins(
     plan: &Plan,
     materials: &[Material],
